@@ -1,0 +1,129 @@
+//! One picture: decoding within limits, raw pixel formats, region of interest, orientation.
+//!
+//! A frame holds its samples in the colour space in which they came, because converting costs as much as detecting:
+//! JPEG stays YCbCr (full range, BT.601) where the caller can use that, everything else is RGB or luma.
+
+pub mod bayer;
+pub mod color;
+pub mod decode;
+pub mod jpeg;
+pub mod orientation;
+pub mod raw;
+pub mod region;
+
+use std::borrow::Cow;
+
+pub use decode::{Decoding, FrameError, Limits, Wanted};
+pub use orientation::Orientation;
+pub use raw::RawFormat;
+pub use region::Region;
+
+use crate::camera::Camera;
+
+/// Samples, 8 bits each, rows from the top, no padding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Pixels {
+    /// One sample a pixel.
+    Luma(Vec<u8>),
+    /// Red, green, blue.
+    Rgb(Vec<u8>),
+    /// Luma, blue difference, red difference; full range, BT.601, as in JFIF.
+    YCbCr(Vec<u8>),
+}
+
+/// How finely colour was sampled before the frame reached us. It bounds how well a coloured blob can be located.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChromaSampling {
+    /// Every pixel has its own colour (or there is no colour at all).
+    Full,
+    /// One colour sample for several pixels: 4:2:0 and 4:2:2 JPEG, YUYV, NV12, Bayer.
+    Reduced,
+}
+
+/// A picture in memory. Its size is never zero and always agrees with its samples.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    width: u32,
+    height: u32,
+    pixels: Pixels,
+    chroma: ChromaSampling,
+    orientation: Orientation,
+}
+
+impl Frame {
+    /// A frame of `width` x `height` px.
+    ///
+    /// # Errors
+    /// [`FrameError::ZeroSize`] and [`FrameError::SampleCount`].
+    pub fn checked(width: u32, height: u32, pixels: Pixels, chroma: ChromaSampling) -> Result<Self, FrameError> {
+        if width == 0 || height == 0 {
+            return Err(FrameError::ZeroSize { width, height });
+        }
+        let (samples, channels) = match &pixels {
+            Pixels::Luma(samples) => (samples, 1),
+            Pixels::Rgb(samples) | Pixels::YCbCr(samples) => (samples, 3),
+        };
+        let expected = u64::from(width) * u64::from(height) * channels;
+        if samples.len() as u64 != expected {
+            return Err(FrameError::SampleCount { width, height, expected, actual: samples.len() as u64 });
+        }
+        Ok(Self { width, height, pixels, chroma, orientation: Orientation::Upright })
+    }
+
+    /// Width, px.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height, px.
+    #[must_use]
+    pub const fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// The samples.
+    #[must_use]
+    pub const fn pixels(&self) -> &Pixels {
+        &self.pixels
+    }
+
+    /// How finely colour was sampled.
+    #[must_use]
+    pub const fn chroma_sampling(&self) -> ChromaSampling {
+        self.chroma
+    }
+
+    /// The orientation that the file states and that was *not* applied; upright where it was.
+    #[must_use]
+    pub const fn orientation(&self) -> Orientation {
+        self.orientation
+    }
+
+    /// The samples as RGB, converted if need be.
+    #[must_use]
+    pub fn rgb(&self) -> Cow<'_, [u8]> {
+        match &self.pixels {
+            Pixels::Rgb(samples) => Cow::Borrowed(samples),
+            Pixels::Luma(samples) => Cow::Owned(samples.iter().flat_map(|&y| [y, y, y]).collect()),
+            Pixels::YCbCr(samples) => Cow::Owned(color::ycbcr_to_rgb(samples)),
+        }
+    }
+
+    /// The whole frame as a region.
+    #[must_use]
+    pub const fn full(&self) -> Region {
+        Region { x: 0, y: 0, width: self.width, height: self.height }
+    }
+
+    /// Whether the frame can have come from `camera`.
+    ///
+    /// # Errors
+    /// [`FrameError::NotOfCamera`] with both sizes where they differ.
+    pub const fn check_camera(&self, camera: &Camera) -> Result<(), FrameError> {
+        if self.width == camera.width() && self.height == camera.height() {
+            return Ok(());
+        }
+        Err(FrameError::NotOfCamera { frame: [self.width, self.height], camera: [camera.width(), camera.height()] })
+    }
+}

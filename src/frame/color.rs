@@ -1,0 +1,68 @@
+//! Conversions between colour spaces, full range BT.601 as in JFIF.
+
+/// Interleaved YCbCr to interleaved RGB, rounded to nearest.
+#[must_use]
+pub fn ycbcr_to_rgb(samples: &[u8]) -> Vec<u8> {
+    let mut rgb = Vec::with_capacity(samples.len());
+    for pixel in samples.chunks_exact(3) {
+        rgb.extend(rgb_of_ycbcr([pixel[0], pixel[1], pixel[2]]));
+    }
+    rgb
+}
+
+/// One pixel from YCbCr to RGB.
+#[must_use]
+pub fn rgb_of_ycbcr([y, cb, cr]: [u8; 3]) -> [u8; 3] {
+    // 16 fraction bits: 1.402, 0.344136, 0.714136, 1.772.
+    let (y, cb, cr) = (i32::from(y) << 16, i32::from(cb) - 128, i32::from(cr) - 128);
+    let half = 1 << 15;
+    [
+        clamp((y + 91_881 * cr + half) >> 16),
+        clamp((y - 22_554 * cb - 46_802 * cr + half) >> 16),
+        clamp((y + 116_130 * cb + half) >> 16),
+    ]
+}
+
+/// One pixel from RGB to YCbCr.
+#[must_use]
+pub fn ycbcr_of_rgb([r, g, b]: [u8; 3]) -> [u8; 3] {
+    let (r, g, b) = (i32::from(r), i32::from(g), i32::from(b));
+    let half = 1 << 15;
+    let middle = 128 << 16;
+    [
+        clamp((19_595 * r + 38_470 * g + 7_471 * b + half) >> 16),
+        clamp((-11_059 * r - 21_709 * g + 32_768 * b + middle + half) >> 16),
+        clamp((32_768 * r - 27_439 * g - 5_329 * b + middle + half) >> 16),
+    ]
+}
+
+#[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "clamped to 0..=255")]
+fn clamp(value: i32) -> u8 {
+    value.clamp(0, 255) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_way_there_and_back_loses_at_most_rounding(rgb in any::<[u8; 3]>()) {
+            let back = rgb_of_ycbcr(ycbcr_of_rgb(rgb));
+            for (a, b) in rgb.iter().zip(back) {
+                prop_assert!(a.abs_diff(b) <= 2, "{rgb:?} came back as {back:?}");
+            }
+        }
+
+        #[test]
+        fn conversion_agrees_with_the_jfif_formula(y in any::<u8>(), cb in any::<u8>(), cr in any::<u8>()) {
+            let (l, b, r) = (f64::from(y), f64::from(cb) - 128.0, f64::from(cr) - 128.0);
+            let exact = [l + 1.402 * r, l - 0.344_136_286 * b - 0.714_136_286 * r, l + 1.772 * b];
+            for (found, exact) in rgb_of_ycbcr([y, cb, cr]).iter().zip(exact) {
+                prop_assert!((f64::from(*found) - exact.clamp(0.0, 255.0)).abs() <= 0.51);
+            }
+        }
+    }
+}

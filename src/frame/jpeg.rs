@@ -1,0 +1,95 @@
+//! JPEG: the header read by ourselves for limits, sampling and completeness; the picture by `zune-jpeg`.
+
+use zune_core::bytestream::ZCursor;
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
+use zune_jpeg::JpegDecoder;
+
+use super::{ChromaSampling, Frame, FrameError, Limits, Orientation, Pixels, Wanted};
+
+/// What the markers before the first scan say.
+struct Header {
+    width: u32,
+    height: u32,
+    components: u8,
+    chroma: ChromaSampling,
+    orientation: Orientation,
+    /// Offset of the first scan's data.
+    scan: usize,
+}
+
+pub(super) fn decode(bytes: &[u8], wanted: Wanted, limits: &Limits) -> Result<Frame, FrameError> {
+    let header = read_header(bytes).ok_or_else(|| corrupt("its header is incomplete or malformed"))?;
+    limits.check_size(header.width, header.height)?;
+    // Entropy-coded data cannot hold this marker, so its absence proves that the end is missing. The decoder would fill
+    // the missing rows with gray and call it success.
+    if !bytes[header.scan..].windows(2).rev().any(|pair| pair == [0xFF, 0xD9]) {
+        return Err(FrameError::Truncated { format: "JPEG" });
+    }
+    let color = match (header.components, wanted) {
+        (1, _) => ColorSpace::Luma,
+        (3, Wanted::Native) => ColorSpace::YCbCr,
+        _ => ColorSpace::RGB,
+    };
+    // Strict: a picture with damaged data is refused, not repaired with invented pixels.
+    let options = DecoderOptions::new_fast()
+        .set_strict_mode(true)
+        .set_max_width(header.width as usize)
+        .set_max_height(header.height as usize)
+        .jpeg_set_out_colorspace(color);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let samples = decoder.decode().map_err(|e| corrupt(&e.to_string()))?;
+    let pixels = match decoder.output_colorspace() {
+        Some(ColorSpace::Luma) => Pixels::Luma(samples),
+        Some(ColorSpace::YCbCr) => Pixels::YCbCr(samples),
+        _ => Pixels::Rgb(samples),
+    };
+    Ok(Frame::checked(header.width, header.height, pixels, header.chroma)?.stating(header.orientation))
+}
+
+fn corrupt(detail: &str) -> FrameError {
+    FrameError::Corrupt { format: "JPEG", detail: detail.into() }
+}
+
+fn read_header(bytes: &[u8]) -> Option<Header> {
+    let mut at = 2;
+    let mut orientation = Orientation::Upright;
+    let mut size = None;
+    loop {
+        // Fill bytes of 0xFF may stand before a marker.
+        let mut marker = *bytes.get(at..at + 2)?.first_chunk::<2>()?;
+        while marker == [0xFF, 0xFF] {
+            at += 1;
+            marker = *bytes.get(at..at + 2)?.first_chunk::<2>()?;
+        }
+        let [0xFF, code] = marker else { return None };
+        at += 2;
+        let length = usize::from(u16::from_be_bytes(*bytes.get(at..at + 2)?.first_chunk::<2>()?));
+        let segment = bytes.get(at + 2..at + length)?;
+        match code {
+            0xE1 if segment.starts_with(b"Exif\0\0") => {
+                if let Some(found) = image::metadata::Orientation::from_exif_chunk(&segment[6..]) {
+                    orientation = Orientation::from_exif(found.to_exif());
+                }
+            }
+            // Start of frame, all kinds but the tables (C4, CC) and the extension (C8) that share the range.
+            0xC0..=0xCF if !matches!(code, 0xC4 | 0xC8 | 0xCC) => size = Some(read_start_of_frame(segment)?),
+            0xDA => {
+                let (width, height, components, chroma) = size?;
+                return Some(Header { width, height, components, chroma, orientation, scan: at + length });
+            }
+            _ => {}
+        }
+        at += length;
+    }
+}
+
+fn read_start_of_frame(segment: &[u8]) -> Option<(u32, u32, u8, ChromaSampling)> {
+    let &[_precision, h1, h0, w1, w0, components, ref parts @ ..] = segment else {
+        return None;
+    };
+    let factors = parts.chunks_exact(3).map(|part| part[1]);
+    let uniform = factors.clone().all(|factor| Some(factor) == factors.clone().next());
+    let chroma = if uniform { ChromaSampling::Full } else { ChromaSampling::Reduced };
+    Some((u32::from(u16::from_be_bytes([w1, w0])), u32::from(u16::from_be_bytes([h1, h0])), components, chroma))
+}

@@ -1,0 +1,194 @@
+//! Raw pixel formats, named as in ROS and OpenCV.
+
+use super::bayer::{self, Mosaic};
+use super::{ChromaSampling, Frame, FrameError, Limits, Pixels};
+
+/// A raw format of 8 bits a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RawFormat {
+    /// Red, green, blue.
+    Rgb8,
+    /// Blue, green, red.
+    Bgr8,
+    /// One luma sample.
+    Mono8,
+    /// A colour filter array.
+    Bayer(Mosaic),
+    /// Y0 Cb Y1 Cr for two pixels; limited range BT.601, as webcams give it. Even width.
+    Yuyv,
+    /// A plane of Y, then a plane of Cb, Cr at half the size; limited range BT.601. Even width and height.
+    Nv12,
+}
+
+impl RawFormat {
+    /// All formats with their names in the contract.
+    pub const NAMED: [(&'static str, Self); 9] = [
+        ("rgb8", Self::Rgb8),
+        ("bgr8", Self::Bgr8),
+        ("mono8", Self::Mono8),
+        ("bayer_rggb8", Self::Bayer(Mosaic::Rggb)),
+        ("bayer_bggr8", Self::Bayer(Mosaic::Bggr)),
+        ("bayer_gbrg8", Self::Bayer(Mosaic::Gbrg)),
+        ("bayer_grbg8", Self::Bayer(Mosaic::Grbg)),
+        ("yuyv", Self::Yuyv),
+        ("nv12", Self::Nv12),
+    ];
+
+    /// The name in the contract.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMED.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
+    }
+
+    /// Bytes of a frame of this size.
+    #[must_use]
+    pub const fn byte_count(self, width: u32, height: u32) -> u64 {
+        let area = width as u64 * height as u64;
+        match self {
+            Self::Rgb8 | Self::Bgr8 => 3 * area,
+            Self::Mono8 | Self::Bayer(_) => area,
+            Self::Yuyv => 2 * area,
+            Self::Nv12 => area + area / 2,
+        }
+    }
+
+    const fn needs_even(self) -> (bool, bool) {
+        match self {
+            Self::Yuyv => (true, false),
+            Self::Nv12 | Self::Bayer(_) => (true, true),
+            Self::Rgb8 | Self::Bgr8 | Self::Mono8 => (false, false),
+        }
+    }
+}
+
+impl Frame {
+    /// A frame from raw bytes.
+    ///
+    /// # Errors
+    /// A size of zero, odd where the format needs it even, or over the limit; bytes that are not exactly as many as the
+    /// size asks for.
+    pub fn from_raw(
+        format: RawFormat,
+        width: u32,
+        height: u32,
+        bytes: &[u8],
+        limits: &Limits,
+    ) -> Result<Self, FrameError> {
+        limits.check_size(width, height)?;
+        let (even_width, even_height) = format.needs_even();
+        if (even_width && width % 2 == 1) || (even_height && height % 2 == 1) {
+            return Err(FrameError::OddSize { format: format.name(), width, height });
+        }
+        let expected = format.byte_count(width, height);
+        let actual = bytes.len() as u64;
+        if actual != expected {
+            return Err(FrameError::RawLength { format: format.name(), width, height, expected, actual });
+        }
+        let (pixels, chroma) = match format {
+            RawFormat::Rgb8 => (Pixels::Rgb(bytes.to_vec()), ChromaSampling::Full),
+            RawFormat::Bgr8 => {
+                let mut rgb = bytes.to_vec();
+                rgb.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
+                (Pixels::Rgb(rgb), ChromaSampling::Full)
+            }
+            RawFormat::Mono8 => (Pixels::Luma(bytes.to_vec()), ChromaSampling::Full),
+            RawFormat::Bayer(mosaic) => {
+                let rgb = bayer::demosaic(mosaic, width as usize, height as usize, bytes);
+                (Pixels::Rgb(rgb), ChromaSampling::Reduced)
+            }
+            RawFormat::Yuyv => (Pixels::YCbCr(yuyv_to_ycbcr(bytes)), ChromaSampling::Reduced),
+            RawFormat::Nv12 => (Pixels::YCbCr(nv12_to_ycbcr(width as usize, bytes)), ChromaSampling::Reduced),
+        };
+        Self::checked(width, height, pixels, chroma)
+    }
+}
+
+fn yuyv_to_ycbcr(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(bytes.len() / 2 * 3);
+    for pair in bytes.chunks_exact(4) {
+        let (cb, cr) = (full_range_chroma(pair[1]), full_range_chroma(pair[3]));
+        out.extend([full_range_luma(pair[0]), cb, cr, full_range_luma(pair[2]), cb, cr]);
+    }
+    out
+}
+
+fn nv12_to_ycbcr(width: usize, bytes: &[u8]) -> Vec<u8> {
+    let area = bytes.len() / 3 * 2;
+    let (luma, chroma) = bytes.split_at(area);
+    let mut out = Vec::with_capacity(area * 3);
+    for (y, row) in luma.chunks_exact(width).enumerate() {
+        let colors = &chroma[y / 2 * width..][..width];
+        for (pair, color) in row.chunks_exact(2).zip(colors.chunks_exact(2)) {
+            let (cb, cr) = (full_range_chroma(color[0]), full_range_chroma(color[1]));
+            out.extend([full_range_luma(pair[0]), cb, cr, full_range_luma(pair[1]), cb, cr]);
+        }
+    }
+    out
+}
+
+/// 16..235 to 0..255.
+#[expect(clippy::cast_possible_truncation, reason = "at most 255")]
+const fn full_range_luma(y: u8) -> u8 {
+    let wide = (y.saturating_sub(16) as u32 * 255 + 109) / 219;
+    if wide > 255 { 255 } else { wide as u8 }
+}
+
+/// 16..240 about 128 to 0..255 about 128.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
+fn full_range_chroma(c: u8) -> u8 {
+    let offset = i32::from(c) - 128;
+    (128 + (offset * 255 + 112 * offset.signum()) / 224).clamp(0, 255) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rgb(format: RawFormat, width: u32, height: u32, bytes: &[u8]) -> Vec<u8> {
+        Frame::from_raw(format, width, height, bytes, &Limits::default()).expect("a good frame").rgb().into_owned()
+    }
+
+    #[test]
+    fn bgr_is_rgb_turned_round() {
+        assert_eq!(rgb(RawFormat::Bgr8, 2, 1, &[1, 2, 3, 4, 5, 6]), [3, 2, 1, 6, 5, 4]);
+        assert_eq!(rgb(RawFormat::Rgb8, 2, 1, &[1, 2, 3, 4, 5, 6]), [1, 2, 3, 4, 5, 6]);
+        assert_eq!(rgb(RawFormat::Mono8, 2, 1, &[7, 9]), [7, 7, 7, 9, 9, 9]);
+    }
+
+    #[test]
+    fn video_formats_give_the_colours_that_opencv_gives() {
+        // cv2.cvtColor(..., COLOR_YUV2RGB_YUY2 / COLOR_YUV2RGB_NV12): limited range BT.601; red is (81, 90, 240).
+        let near = |found: &[u8], wanted: [u8; 3]| {
+            for pixel in found.chunks_exact(3) {
+                assert!(pixel.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) <= 2), "{pixel:?} is not {wanted:?}");
+            }
+        };
+        near(&rgb(RawFormat::Yuyv, 2, 1, &[81, 90, 81, 240]), [255, 0, 0]);
+        near(&rgb(RawFormat::Nv12, 2, 2, &[81, 81, 81, 81, 90, 240]), [255, 0, 0]);
+        near(&rgb(RawFormat::Yuyv, 2, 1, &[235, 128, 235, 128]), [255, 255, 255]);
+        near(&rgb(RawFormat::Yuyv, 2, 1, &[16, 128, 16, 128]), [0, 0, 0]);
+        near(&rgb(RawFormat::Nv12, 2, 2, &[145, 145, 145, 145, 54, 34]), [0, 255, 0]);
+    }
+
+    #[test]
+    fn a_wrong_number_of_bytes_is_refused_with_both_numbers() {
+        let refused = Frame::from_raw(RawFormat::Nv12, 4, 2, &[0; 11], &Limits::default()).expect_err("11 bytes");
+        assert_eq!(refused.to_string(), "nv12 of 4 x 2 px is 12 bytes, not 11");
+    }
+
+    #[test]
+    fn odd_sizes_are_refused_where_colour_is_shared_between_neighbours() {
+        let refused = |format, w, h| Frame::from_raw(format, w, h, &[0; 15], &Limits::default());
+        assert!(matches!(refused(RawFormat::Yuyv, 3, 2), Err(FrameError::OddSize { .. })));
+        assert!(matches!(refused(RawFormat::Nv12, 4, 3), Err(FrameError::OddSize { .. })));
+        assert!(matches!(refused(RawFormat::Bayer(Mosaic::Rggb), 5, 3), Err(FrameError::OddSize { .. })));
+        assert!(matches!(refused(RawFormat::Mono8, 0, 3), Err(FrameError::ZeroSize { .. })));
+    }
+
+    #[test]
+    fn every_format_has_its_own_name() {
+        for (name, format) in RawFormat::NAMED {
+            assert_eq!(format.name(), name);
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! The coordinate systems. A *space* is a coordinate system; a *frame*, in this project, is a picture.
+
+use std::fmt::Debug;
+
+/// A right-handed, metric coordinate system, used as a type parameter only.
+pub trait Space: Copy + Debug + PartialEq + Send + Sync + 'static {}
+
+/// Fixed to the ground or to the start of a flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct World;
+
+/// x right, y down, z forward along the optical axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Camera;
+
+/// Fixed by the marker positions that the user gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Target;
+
+/// Fixed to a calibration board: x right, y down along its rows, z away from the viewer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Board;
+
+impl Space for World {}
+impl Space for Camera {}
+impl Space for Target {}
+impl Space for Board {}
