@@ -1,0 +1,4 @@
+//! Synthetic truth: named random cases, flights, and rendered frames.
+
+pub mod cases;
+pub mod seed;
