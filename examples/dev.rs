@@ -1,5 +1,5 @@
 use skypose::geometry::rotation::angle_between_rad;
-use skypose::scene::{cases, seed};
+use skypose::scene::cases;
 use skypose::solve::*;
 fn main() {
     for (name, kind) in
@@ -12,7 +12,7 @@ fn main() {
             let mut worst = 0.0f64;
             let mut t = std::time::Duration::ZERO;
             for i in 0..n {
-                let mut r = seed::case(name, i);
+                let mut r = skypose::random::case(name, i);
                 let c = match kind {
                     0 => cases::thesis_2012(&mut r, 0.0),
                     1 => cases::visible_plane(&mut r, 6, 0.0),

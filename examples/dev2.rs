@@ -1,8 +1,8 @@
-use skypose::scene::{cases, seed};
+use skypose::scene::cases;
 use skypose::solve::*;
 fn main() {
     for i in [0, 9, 11, 1, 2] {
-        let mut r = seed::case("visible6", i);
+        let mut r = skypose::random::case("visible6", i);
         let c = cases::visible_plane(&mut r, 6, 0.0);
         let pairs: Vec<Pair> = c
             .points

@@ -2,6 +2,9 @@
 pub mod camera;
 pub mod frame;
 pub mod geometry;
+pub mod pose;
+pub mod random;
+pub mod refine;
 pub mod scene;
 pub mod solve;
 pub mod target;

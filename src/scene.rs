@@ -1,4 +1,3 @@
 //! Synthetic truth: named random cases, flights, and rendered frames.
 
 pub mod cases;
-pub mod seed;

@@ -11,6 +11,10 @@ use super::transform::CameraFromTarget;
 pub struct PoseCovariance(Matrix6<f64>);
 
 impl PoseCovariance {
+    /// A coordinate whose variance grows by more than this because the other five are unknown too is not determined:
+    /// rounding alone, 2e-16 of the information, would decide its value.
+    const MAX_INFLATION: f64 = 1e12;
+
     /// The inverse of an information matrix, or `None` if that is not positive definite, not finite, or so nearly
     /// singular that the inverse would be noise.
     #[must_use]
@@ -26,6 +30,9 @@ impl PoseCovariance {
         }
         let scaled = Matrix6::from_fn(|r, c| information[(r, c)] * scale[r] * scale[c]);
         let inverse = scaled.cholesky()?.inverse();
+        if !(inverse.diagonal().max() < Self::MAX_INFLATION) {
+            return None;
+        }
         let covariance = Matrix6::from_fn(|r, c| 0.5 * (inverse[(r, c)] + inverse[(c, r)]) * scale[r] * scale[c]);
         Self::checked(covariance)
     }

@@ -2,10 +2,10 @@
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 use rand::{Rng, RngExt};
-use rand_distr::{Distribution, StandardNormal};
 
 use crate::camera::{Camera, Distortion, Pixel};
 use crate::geometry::{CameraFromTarget, EulerAngles, Point, rotation, space};
+use crate::random::{normal, normal2};
 
 /// Points of a target, where the camera sees them, and the pose that is asked for.
 #[derive(Clone, Debug)]
@@ -82,8 +82,7 @@ pub fn visible_box(rng: &mut impl Rng, count: usize, noise_px: f64) -> Case {
 
 /// A rotation drawn evenly from all.
 pub fn any_rotation(rng: &mut impl Rng) -> Rotation3<f64> {
-    let mut normal = || -> f64 { StandardNormal.sample(rng) };
-    let quaternion = nalgebra::Quaternion::new(normal(), normal(), normal(), normal());
+    let quaternion = nalgebra::Quaternion::new(normal(rng), normal(rng), normal(rng), normal(rng));
     nalgebra::UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()
 }
 
@@ -122,12 +121,6 @@ pub fn observe(
     noise_px: f64,
 ) -> Option<Case> {
     let exact: Option<Vec<Pixel>> = points.iter().map(|p| camera.project(&(camera_from_target * *p))).collect();
-    let pixels = exact?
-        .into_iter()
-        .map(|pixel| {
-            let mut noise = || -> f64 { StandardNormal.sample(rng) };
-            pixel + Vector2::new(noise(), noise()) * noise_px
-        })
-        .collect();
+    let pixels = exact?.into_iter().map(|pixel| pixel + normal2(rng) * noise_px).collect();
     Some(Case { camera, points, pixels, camera_from_target })
 }

@@ -7,11 +7,11 @@
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 use super::homography::direct_linear_transform;
-use super::{Pair, Solutions, SolveError};
+use super::{Pair, Solutions, SolveError, squared_ray_error};
 use crate::geometry::{CameraFromTarget, rotation};
 use crate::target::Spread;
 
-/// The two poses of four or more coplanar points; one where they coincide (a plane seen exactly face on).
+/// The two poses of four or more coplanar points, the one that explains their image better first; one where they coincide (a plane seen exactly face on).
 ///
 /// # Errors
 /// [`SolveError::Degenerate`] if the points do not fix a homography.
@@ -20,6 +20,10 @@ pub fn ippe(pairs: &[Pair], spread: &Spread) -> Result<Solutions, SolveError> {
     let image: Vec<Vector2<f64>> = pairs.iter().map(|pair| pair.ray).collect();
     direct_linear_transform(&plane, &image)
         .and_then(|h| poses_of(&h, pairs, spread))
+        .map(|mut poses| {
+            poses.sort_by(|a, b| squared_ray_error(pairs, a).total_cmp(&squared_ray_error(pairs, b)));
+            poses
+        })
         .ok_or(SolveError::Degenerate { solver: "ippe" })
 }
 

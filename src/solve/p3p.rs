@@ -36,26 +36,29 @@ pub fn p3p(bearings: &[Vector3<f64>; 3], points: &[Point<space::Target>; 3]) -> 
         .collect()
 }
 
-/// P3P on the three points that fix a pose best, all solutions; with more than three points, by falling agreement with the
-/// rest.
-///
-/// # Errors
-/// [`SolveError::Degenerate`] if the three have no real solution.
-pub fn p3p_of_many(pairs: &[Pair]) -> Result<Solutions, SolveError> {
+/// P3P on the three points that fix a pose best: all solutions, by falling agreement with the remaining points.
+#[must_use]
+pub fn p3p_of_widest(pairs: &[Pair]) -> Solutions {
     let chosen = widest_three(pairs);
     let bearings = chosen.map(|i| Vector3::new(pairs[i].ray.x, pairs[i].ray.y, 1.0).normalize());
     let mut solutions = p3p(&bearings, &chosen.map(|i| pairs[i].point));
-    if solutions.is_empty() {
-        return Err(SolveError::Degenerate { solver: "p3p" });
-    }
     let cost = |pose: &CameraFromTarget| {
         if is_in_front(pairs, pose) { squared_ray_error(pairs, pose) } else { f64::INFINITY }
     };
     solutions.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+    solutions
+}
+
+/// The named method: all solutions for three points; the one that further points agree with best for more.
+///
+/// # Errors
+/// [`SolveError::Degenerate`] if the three have no real solution.
+pub fn p3p_of_many(pairs: &[Pair]) -> Result<Solutions, SolveError> {
+    let mut solutions = p3p_of_widest(pairs);
     if pairs.len() > 3 {
         solutions.truncate(1);
     }
-    Ok(solutions)
+    if solutions.is_empty() { Err(SolveError::Degenerate { solver: "p3p" }) } else { Ok(solutions) }
 }
 
 /// The points of a large triangle: the one farthest from the middle, the one farthest from that, and the one farthest from

@@ -1,0 +1,200 @@
+//! Correspondences to an answer: the best pose with its covariance, its runners-up with probabilities, or the reason why
+//! there is none.
+
+mod evidence;
+mod propagation;
+mod starts;
+
+use thiserror::Error;
+
+use crate::camera::Camera;
+use crate::geometry::{CameraFromTarget, PoseCovariance};
+use crate::refine::{Correspondence, RefineOptions, Refined, distinct, refine};
+use crate::solve::{Pair, SolveError, Solver, is_in_front};
+
+pub use evidence::{Consistency, chi_square_quantile};
+
+/// How a pose is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseOptions {
+    /// The method by name, or `None` for the best answer that we know.
+    pub solver: Option<Solver>,
+    /// Minimise the reprojection error from the method's pose. A named method without refinement is that method alone, as
+    /// its paper has it.
+    pub refine: bool,
+    /// Residuals of up to this many times their stated standard deviation still count as explained (the covariance grows
+    /// with them); larger ones mean that pairs, camera or target are wrong.
+    pub max_residual_ratio: f64,
+    /// When refinement stops.
+    pub refinement: RefineOptions,
+}
+
+impl Default for PoseOptions {
+    fn default() -> Self {
+        Self { solver: None, refine: true, max_residual_ratio: 5.0, refinement: RefineOptions::default() }
+    }
+}
+
+/// A pose and how far to trust it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseEstimate {
+    /// `p_camera = R p_target + t`.
+    pub camera_from_target: CameraFromTarget,
+    /// Of the error `(t_true - t, Log(R_true R^T))`, provided that this is the right one of the alternatives.
+    pub covariance: PoseCovariance,
+    /// Whether the error is a paraboloid out to two standard deviations, so that the covariance holds as such. Where it is
+    /// not (far, small, nearly face on), the covariance still gives the size and the direction of the uncertainty.
+    pub covariance_reliable: bool,
+    /// Root mean square distance between the image points and the projected ones, px.
+    pub reprojection_rms_px: f64,
+    /// That this one and none of the alternatives is right.
+    pub probability: f64,
+}
+
+/// The answer to a set of correspondences.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseAnswer {
+    /// The most probable pose.
+    pub best: PoseEstimate,
+    /// The others that explain the points, by falling probability.
+    pub alternatives: Vec<PoseEstimate>,
+    /// The method that led to `best`.
+    pub solver: Solver,
+    /// Logarithm of the evidence for these correspondences, up to a constant for a given number of them: over all minima,
+    /// likelihood times the volume in which it is high.
+    pub ln_evidence: f64,
+}
+
+impl PoseAnswer {
+    /// From this probability on, an alternative makes an answer ambiguous.
+    pub const AMBIGUOUS_FROM: f64 = 0.05;
+
+    /// Whether a runner-up is probable enough to matter.
+    #[must_use]
+    pub fn is_ambiguous(&self) -> bool {
+        self.alternatives.first().is_some_and(|runner_up| runner_up.probability >= Self::AMBIGUOUS_FROM)
+    }
+}
+
+/// Why there is no pose. The display tells the numbers.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum NoPose {
+    /// Fewer points than the method needs.
+    #[error("{given} points, but at least {need} are needed")]
+    TooFewPoints {
+        /// How many there are.
+        given: usize,
+        /// How many it takes.
+        need: usize,
+    },
+    /// The layout of the points, or their image, does not fix a pose.
+    #[error("{0}")]
+    DegenerateGeometry(String),
+    /// Every solution has points behind the camera.
+    #[error("every solution puts points behind the camera")]
+    BehindCamera,
+    /// The best pose does not explain its points.
+    #[error("{detail}")]
+    HighResidual {
+        /// What was compared.
+        detail: String,
+    },
+    /// Robust estimation found no set of pairs that agree.
+    #[error("no {need} of {given} pairs agree on a pose")]
+    NoConsensus {
+        /// How many pairs there are.
+        given: usize,
+        /// How many must agree.
+        need: usize,
+    },
+    /// The image points could not be assigned to the markers with confidence.
+    #[error("{detail}")]
+    NotIdentified {
+        /// What was missing.
+        detail: String,
+    },
+}
+
+impl NoPose {
+    /// The contract's word.
+    #[must_use]
+    pub const fn reason(&self) -> &'static str {
+        match self {
+            Self::TooFewPoints { .. } => "too_few_points",
+            Self::DegenerateGeometry(_) => "degenerate_geometry",
+            Self::BehindCamera => "behind_camera",
+            Self::HighResidual { .. } => "high_residual",
+            Self::NoConsensus { .. } => "no_consensus",
+            Self::NotIdentified { .. } => "not_identified",
+        }
+    }
+}
+
+impl From<SolveError> for NoPose {
+    fn from(error: SolveError) -> Self {
+        match error {
+            SolveError::TooFewPoints { given, need, .. } => Self::TooFewPoints { given, need },
+            SolveError::BehindCamera { .. } => Self::BehindCamera,
+            SolveError::NotConverged { .. } => Self::HighResidual { detail: error.to_string() },
+            SolveError::Collinear { .. } | SolveError::NotCoplanar { .. } | SolveError::Degenerate { .. } => {
+                Self::DegenerateGeometry(error.to_string())
+            }
+        }
+    }
+}
+
+/// The pose of a target from points of known identity.
+///
+/// # Errors
+/// The reason why there is none; see [`NoPose`].
+pub fn estimate_pose(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    options: &PoseOptions,
+) -> Result<PoseAnswer, NoPose> {
+    let pairs = rays(camera, correspondences)?;
+    let starts = starts::of(&pairs, options.solver)?;
+    let reached: Vec<(Solver, Refined)> = starts
+        .iter()
+        .filter_map(|(solver, start)| {
+            let refined = refine(camera, correspondences, start, &options.refinement).ok()?;
+            is_in_front(&pairs, &refined.camera_from_target).then_some((*solver, refined))
+        })
+        .collect();
+    if reached.is_empty() {
+        return Err(NoPose::DegenerateGeometry("the image of these points does not fix a pose".into()));
+    }
+    let minima = distinct(reached.iter().map(|(_, refined)| *refined).collect());
+    let consistency = Consistency::of(&minima, correspondences.len(), options.max_residual_ratio)?;
+    let (estimates, ln_evidence) = evidence::weigh(camera, correspondences, &minima, &consistency);
+    let mut estimates = estimates.into_iter();
+    let (Some(best), alternatives) = (estimates.next(), estimates.collect()) else {
+        return Err(NoPose::DegenerateGeometry("no minimum explains the points".into()));
+    };
+    let led_to_best = |refined: &Refined| {
+        best.covariance.normalized_error_squared(&best.camera_from_target, &refined.camera_from_target) < 1.0
+    };
+    let solver = reached.iter().find(|(_, refined)| led_to_best(refined)).map_or(Solver::Epnp, |(solver, _)| *solver);
+    let refined = PoseAnswer { best, alternatives, solver, ln_evidence };
+    match options.solver {
+        Some(named) if !options.refine => propagation::unrefined(camera, correspondences, named, &pairs, refined),
+        _ => Ok(refined),
+    }
+}
+
+/// Each correspondence on its ray.
+fn rays(camera: &Camera, correspondences: &[Correspondence]) -> Result<Vec<Pair>, NoPose> {
+    correspondences
+        .iter()
+        .enumerate()
+        .map(|(index, seen)| {
+            let ray = camera.unproject(&seen.pixel).ok_or_else(|| {
+                NoPose::DegenerateGeometry(format!(
+                    "image point {index} at ({:.1}, {:.1}) px lies outside the lens model",
+                    seen.pixel.x, seen.pixel.y
+                ))
+            })?;
+            Ok(Pair { point: seen.point, ray })
+        })
+        .collect()
+}

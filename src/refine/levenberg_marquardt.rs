@@ -1,0 +1,344 @@
+//! Levenberg-Marquardt on SE(3).
+//!
+//! The residuals are distances in the raw image, lens included, in units of each point's own standard deviation. The pose is
+//! moved on the left, by the six coordinates of [`PoseCovariance`], so the information matrix at the minimum is the inverse
+//! of the covariance as the contract has it. Marquardt's scaling makes metres and radians comparable; the damping follows
+//! Nielsen 1999, "Damping parameter in Marquardt's method". Nothing is allocated.
+
+use nalgebra::{Matrix2x6, Matrix6, Vector2, Vector6};
+use thiserror::Error;
+
+use super::Correspondence;
+use crate::camera::Camera;
+use crate::geometry::{CameraFromTarget, PoseCovariance, rotation::cross_matrix};
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefineOptions {
+    /// Most steps tried. From a solver's start five suffice; a start far away takes some dozens.
+    pub max_iterations: usize,
+    /// Stop when a step is smaller than this share of a standard deviation in every direction: far below anything that the
+    /// data can tell.
+    pub step_limit: f64,
+}
+
+impl Default for RefineOptions {
+    fn default() -> Self {
+        Self { max_iterations: 60, step_limit: 1e-6 }
+    }
+}
+
+/// A minimum of the reprojection error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refined {
+    /// The pose there.
+    pub camera_from_target: CameraFromTarget,
+    /// Its covariance, for the given standard deviations of the pixels.
+    pub covariance: PoseCovariance,
+    /// Sum of squared residuals in units of their standard deviations: chi-square with `2 n - 6` degrees of freedom.
+    pub chi_square: f64,
+    /// Root mean square distance between points and their projections, px.
+    pub rms_px: f64,
+    /// How it was reached.
+    pub stats: Stats,
+}
+
+/// The evidence of an iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stats {
+    /// Steps tried.
+    pub iterations: usize,
+    /// Why it ended.
+    pub stop: Stop,
+}
+
+/// Why an iteration ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop {
+    /// The last step was too small to matter: a minimum.
+    SmallStep {
+        /// Its length in standard deviations.
+        norm: f64,
+        /// What counts as small.
+        limit: f64,
+    },
+    /// No step, however short, makes the error smaller: a minimum to rounding.
+    NoDescent,
+    /// Out of steps.
+    MaxIterations {
+        /// How many were allowed.
+        limit: usize,
+    },
+}
+
+/// Why there is no minimum.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum RefineError {
+    /// The start puts a point behind the camera or outside the lens model.
+    #[error("the start puts point {index} behind the camera or outside the lens model")]
+    NotVisible {
+        /// Its position.
+        index: usize,
+    },
+    /// The points do not fix all six degrees of freedom.
+    #[error("the image of these points does not fix all six degrees of freedom")]
+    Singular,
+}
+
+/// The error and its derivatives at one pose.
+struct Linearized {
+    chi_square: f64,
+    rms_px: f64,
+    information: Matrix6<f64>,
+    /// Half the downhill gradient.
+    descent: Vector6<f64>,
+}
+
+/// The minimum downhill of `start`.
+///
+/// # Errors
+/// [`RefineError::NotVisible`] for a start without an image; [`RefineError::Singular`] where the minimum is no point.
+pub fn refine(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    start: &CameraFromTarget,
+    options: &RefineOptions,
+) -> Result<Refined, RefineError> {
+    let mut pose = *start;
+    let mut here = linearize(camera, correspondences, &pose).map_err(|index| RefineError::NotVisible { index })?;
+    let mut damping = 1e-4;
+    let mut growth = 2.0;
+    let mut iterations = 0;
+    let stop = loop {
+        if iterations == options.max_iterations {
+            break Stop::MaxIterations { limit: options.max_iterations };
+        }
+        iterations += 1;
+        let mut damped = here.information;
+        for i in 0..6 {
+            damped[(i, i)] += damping * here.information[(i, i)].max(f64::MIN_POSITIVE);
+        }
+        let step = damped.cholesky().map(|c| c.solve(&here.descent));
+        let next = step.filter(|s| s.iter().all(|x| x.is_finite())).and_then(|step| {
+            let moved = pose.perturbed(&step);
+            let there = linearize(camera, correspondences, &moved).ok()?;
+            Some((step, moved, there))
+        });
+        if let Some((step, moved, there)) = next {
+            // Length of the step in standard deviations.
+            let norm = step.dot(&(here.information * step)).max(0.0).sqrt();
+            let gain = here.chi_square - there.chi_square;
+            let expected = step.dot(&(here.descent + step.component_mul(&here.information.diagonal()) * damping));
+            if gain >= 0.0 {
+                pose = moved;
+                here = there;
+                let surplus = 2.0 * gain / expected.max(f64::MIN_POSITIVE) - 1.0;
+                damping = (damping * (1.0 - surplus.powi(3)).max(1.0 / 3.0)).max(1e-12);
+                growth = 2.0;
+            }
+            if norm <= options.step_limit {
+                break Stop::SmallStep { norm, limit: options.step_limit };
+            }
+            if gain >= 0.0 {
+                continue;
+            }
+        }
+        damping *= growth;
+        growth *= 2.0;
+        if damping > 1e16 {
+            break Stop::NoDescent;
+        }
+    };
+    Ok(Refined {
+        camera_from_target: pose,
+        covariance: PoseCovariance::from_information(&here.information).ok_or(RefineError::Singular)?,
+        chi_square: here.chi_square,
+        rms_px: here.rms_px,
+        stats: Stats { iterations, stop },
+    })
+}
+
+/// The information matrix of a pose: its inverse bounds the covariance of any unbiased estimate (Cramer-Rao).
+///
+/// # Errors
+/// [`RefineError::NotVisible`] if a point has no image at this pose.
+pub fn information(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    pose: &CameraFromTarget,
+) -> Result<Matrix6<f64>, RefineError> {
+    linearize(camera, correspondences, pose)
+        .map(|here| here.information)
+        .map_err(|index| RefineError::NotVisible { index })
+}
+
+/// How far the error is from the paraboloid that the covariance stands for: the largest relative deviation of
+/// `chi^2(pose + step) - chi^2(pose)` from its quadratic approximation over steps of `deviations` standard deviations both
+/// ways along each principal axis of the covariance. Infinite if such a step leaves the view.
+#[must_use]
+pub fn nonlinearity(camera: &Camera, correspondences: &[Correspondence], minimum: &Refined, deviations: f64) -> f64 {
+    // Principal axes in units in which metres and radians compare: the columns of any factor of the covariance would do,
+    // those of the scaled eigenvectors are the ones along which valleys run.
+    let covariance = minimum.covariance.matrix();
+    let scale = covariance.diagonal().map(f64::sqrt);
+    let correlation = Matrix6::from_fn(|r, c| covariance[(r, c)] / (scale[r] * scale[c]));
+    let eigen = correlation.symmetric_eigen();
+    let mut worst = 0.0_f64;
+    for axis in 0..6 {
+        let length = deviations * eigen.eigenvalues[axis].max(0.0).sqrt();
+        let step: Vector6<f64> = eigen.eigenvectors.column(axis).component_mul(&scale) * length;
+        for signed in [step, -step] {
+            let moved = minimum.camera_from_target.perturbed(&signed);
+            let Some(chi_square) = chi_square(camera, correspondences, &moved) else { return f64::INFINITY };
+            let rise = (chi_square - minimum.chi_square) / (deviations * deviations);
+            worst = worst.max((rise - 1.0).abs());
+        }
+    }
+    worst
+}
+
+/// Sum of squared residuals in units of their standard deviations; `None` if a point has no image at this pose.
+#[must_use]
+pub fn chi_square(camera: &Camera, correspondences: &[Correspondence], pose: &CameraFromTarget) -> Option<f64> {
+    correspondences
+        .iter()
+        .map(|seen| {
+            let projected = camera.project(&(*pose * seen.point))?;
+            Some((seen.pixel - projected).norm_squared() / (seen.sigma_px * seen.sigma_px))
+        })
+        .sum()
+}
+
+/// The position of the first point without an image, if there is one.
+fn linearize(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    pose: &CameraFromTarget,
+) -> Result<Linearized, usize> {
+    let mut information = Matrix6::zeros();
+    let mut descent = Vector6::zeros();
+    let (mut chi_square, mut squares) = (0.0, 0.0);
+    for (index, seen) in correspondences.iter().enumerate() {
+        let (projected, jacobian) = project_with_pose_jacobian(camera, pose, seen).ok_or(index)?;
+        let distance: Vector2<f64> = seen.pixel - projected;
+        let weight = 1.0 / (seen.sigma_px * seen.sigma_px);
+        squares += distance.norm_squared();
+        chi_square += weight * distance.norm_squared();
+        // The upper triangle only.
+        for row in 0..6 {
+            let (a, b) = (weight * jacobian[(0, row)], weight * jacobian[(1, row)]);
+            descent[row] += a * distance.x + b * distance.y;
+            for column in row..6 {
+                information[(row, column)] += a * jacobian[(0, column)] + b * jacobian[(1, column)];
+            }
+        }
+    }
+    information.fill_lower_triangle_with_upper_triangle();
+    #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
+    let count = correspondences.len().max(1) as f64;
+    Ok(Linearized { chi_square, rms_px: (squares / count).sqrt(), information, descent })
+}
+
+/// Where the point appears at this pose, and how that moves with the pose's six coordinates.
+fn project_with_pose_jacobian(
+    camera: &Camera,
+    pose: &CameraFromTarget,
+    seen: &Correspondence,
+) -> Option<(Vector2<f64>, Matrix2x6<f64>)> {
+    let turned = pose.rotation * seen.point.coords;
+    let (pixel, by_point) = camera.project_with_jacobian(&(turned + pose.translation).into())?;
+    let by_turn = by_point * -cross_matrix(&turned);
+    let mut jacobian = Matrix2x6::zeros();
+    jacobian.fixed_columns_mut::<3>(0).copy_from(&by_point);
+    jacobian.fixed_columns_mut::<3>(3).copy_from(&by_turn);
+    Some((pixel, jacobian))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::camera::distortion::tests::REAL;
+    use crate::geometry::{Point, rotation};
+
+    fn camera(lens: usize) -> Camera {
+        Camera::checked([640, 480], [608.7, 611.2], [314.0, 220.0], REAL[lens]).expect("a real camera")
+    }
+
+    fn pose() -> impl Strategy<Value = CameraFromTarget> {
+        (proptest::array::uniform3(-1.0..1.0), -0.2..0.2, -0.2..0.2, 2.0..12.0).prop_map(|(w, x, y, z)| {
+            CameraFromTarget::new(rotation::exp(&Vector3::from(w)), Vector3::new(x * z, y * z, z))
+        })
+    }
+
+    const POINTS: [[f64; 3]; 6] = [
+        [0.31, 0.02, 0.0],
+        [-0.12, -0.36, 0.05],
+        [-0.20, 0.33, 0.0],
+        [-0.38, -0.06, -0.1],
+        [0.05, 0.11, 0.0],
+        [0.14, -0.27, 0.2],
+    ];
+
+    fn seen(camera: &Camera, pose: &CameraFromTarget) -> Vec<Correspondence> {
+        POINTS
+            .iter()
+            .map(|&p| {
+                let point = Point::from(p);
+                Correspondence { point, pixel: camera.project(&(*pose * point)).expect("in view"), sigma_px: 0.5 }
+            })
+            .collect()
+    }
+
+    proptest! {
+        #[test]
+        fn the_jacobian_agrees_with_central_differences(lens in 0..REAL.len(), pose in pose()) {
+            let camera = camera(lens);
+            for seen in seen(&camera, &pose) {
+                let (_, analytic) = project_with_pose_jacobian(&camera, &pose, &seen).expect("in view");
+                for axis in 0..6 {
+                    let mut step = Vector6::zeros();
+                    step[axis] = 1e-6;
+                    let at = |s: &Vector6<f64>| camera.project(&(pose.perturbed(s) * seen.point)).expect("in view");
+                    let numeric = (at(&step) - at(&-step)) / 2e-6;
+                    prop_assert!((analytic.column(axis) - numeric).norm() < 1e-6 * (1.0 + numeric.norm()));
+                }
+            }
+        }
+
+        #[test]
+        fn a_start_nearby_comes_home_through_any_lens(
+            lens in 0..REAL.len(), pose in pose(), step in proptest::array::uniform6(-0.05..0.05)
+        ) {
+            let camera = camera(lens);
+            let refined = refine(&camera, &seen(&camera, &pose), &pose.perturbed(&Vector6::from(step)), &RefineOptions::default())
+                .expect("in view");
+            prop_assert!(refined.rms_px < 1e-6, "{refined:?}");
+            prop_assert!(refined.camera_from_target.difference_to(&pose).norm() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_start_behind_the_camera_is_refused() {
+        let camera = camera(0);
+        let good = CameraFromTarget::new(nalgebra::Rotation3::identity(), Vector3::new(0.0, 0.0, 5.0));
+        let behind = CameraFromTarget::new(good.rotation, -good.translation);
+        let refused = refine(&camera, &seen(&camera, &good), &behind, &RefineOptions::default());
+        assert_eq!(refused, Err(RefineError::NotVisible { index: 0 }));
+    }
+
+    #[test]
+    fn points_on_a_line_leave_the_covariance_open() {
+        let camera = camera(0);
+        let pose = CameraFromTarget::new(rotation::exp(&Vector3::new(0.2, 0.3, 0.1)), Vector3::new(0.1, 0.0, 5.0));
+        let line: Vec<_> = (0..6)
+            .map(|i| {
+                let point = Point::new(0.1 * f64::from(i), 0.0, 0.0);
+                Correspondence { point, pixel: camera.project(&(pose * point)).expect("in view"), sigma_px: 1.0 }
+            })
+            .collect();
+        assert_eq!(refine(&camera, &line, &pose, &RefineOptions::default()), Err(RefineError::Singular));
+    }
+}
