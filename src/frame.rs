@@ -40,13 +40,29 @@ pub enum ChromaSampling {
     Reduced,
 }
 
+/// What coding has done to the colours of a frame before it reached us.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coding {
+    /// How finely colour was sampled.
+    pub chroma: ChromaSampling,
+    /// Mean quantization step of the low frequencies of the chroma: 1 for raw and lossless frames, 5 to 60 for JPEG.
+    pub chroma_step: f64,
+}
+
+impl Coding {
+    /// Nothing lost.
+    pub const LOSSLESS: Self = Self { chroma: ChromaSampling::Full, chroma_step: 1.0 };
+    /// Colour shared by neighbours, otherwise nothing lost.
+    pub const SHARED_CHROMA: Self = Self { chroma: ChromaSampling::Reduced, chroma_step: 1.0 };
+}
+
 /// A picture in memory. Its size is never zero and always agrees with its samples.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     width: u32,
     height: u32,
     pixels: Pixels,
-    chroma: ChromaSampling,
+    coding: Coding,
     orientation: Orientation,
 }
 
@@ -55,7 +71,7 @@ impl Frame {
     ///
     /// # Errors
     /// [`FrameError::ZeroSize`] and [`FrameError::SampleCount`].
-    pub fn checked(width: u32, height: u32, pixels: Pixels, chroma: ChromaSampling) -> Result<Self, FrameError> {
+    pub fn checked(width: u32, height: u32, pixels: Pixels, coding: Coding) -> Result<Self, FrameError> {
         if width == 0 || height == 0 {
             return Err(FrameError::ZeroSize { width, height });
         }
@@ -67,7 +83,7 @@ impl Frame {
         if samples.len() as u64 != expected {
             return Err(FrameError::SampleCount { width, height, expected, actual: samples.len() as u64 });
         }
-        Ok(Self { width, height, pixels, chroma, orientation: Orientation::Upright })
+        Ok(Self { width, height, pixels, coding, orientation: Orientation::Upright })
     }
 
     /// Width, px.
@@ -88,10 +104,10 @@ impl Frame {
         &self.pixels
     }
 
-    /// How finely colour was sampled.
+    /// What coding has done to its colours.
     #[must_use]
-    pub const fn chroma_sampling(&self) -> ChromaSampling {
-        self.chroma
+    pub const fn coding(&self) -> Coding {
+        self.coding
     }
 
     /// The orientation that the file states and that was *not* applied; upright where it was.

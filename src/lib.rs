@@ -1,5 +1,6 @@
 //! Skypose.
 pub mod camera;
+pub mod detect;
 pub mod frame;
 pub mod geometry;
 pub mod pose;

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use thiserror::Error;
 
-use super::{ChromaSampling, Frame, Orientation, Pixels, Region, jpeg};
+use super::{Coding, Frame, Orientation, Pixels, Region, jpeg};
 
 /// What a frame may cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -228,7 +228,7 @@ fn decode_with_image(
     let picture = DynamicImage::from_decoder(decoder).map_err(failed)?;
     let pixels =
         if gray { Pixels::Luma(picture.into_luma8().into_raw()) } else { Pixels::Rgb(picture.into_rgb8().into_raw()) };
-    Ok(Frame::checked(width, height, pixels, ChromaSampling::Full)?.stating(orientation))
+    Ok(Frame::checked(width, height, pixels, Coding::LOSSLESS)?.stating(orientation))
 }
 
 #[cfg(test)]
@@ -237,6 +237,7 @@ mod tests {
     use jpeg_encoder::{ColorType as JpegColor, Encoder, SamplingFactor};
 
     use super::*;
+    use crate::frame::ChromaSampling;
 
     /// A smooth picture with colour, so that JPEG keeps it.
     fn picture() -> RgbImage {
@@ -295,7 +296,7 @@ mod tests {
             let bytes = jpeg(sampling, None);
             let native = decode(&bytes).expect("decodes");
             assert!(matches!(native.pixels(), Pixels::YCbCr(_)));
-            assert_eq!(native.chroma_sampling(), chroma);
+            assert_eq!(native.coding().chroma, chroma);
             let rgb = Frame::decode(&bytes, &Decoding { wanted: Wanted::Rgb, ..Decoding::default() }).expect("decodes");
             for (name, samples) in [("native", native.rgb()), ("rgb", rgb.rgb())] {
                 let worst = samples.iter().zip(picture().as_raw()).map(|(a, b)| a.abs_diff(*b)).max();

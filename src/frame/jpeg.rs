@@ -5,14 +5,14 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::{ChromaSampling, Frame, FrameError, Limits, Orientation, Pixels, Wanted};
+use super::{ChromaSampling, Coding, Frame, FrameError, Limits, Orientation, Pixels, Wanted};
 
 /// What the markers before the first scan say.
 struct Header {
     width: u32,
     height: u32,
     components: u8,
-    chroma: ChromaSampling,
+    coding: Coding,
     orientation: Orientation,
     /// Offset of the first scan's data.
     scan: usize,
@@ -44,7 +44,7 @@ pub(super) fn decode(bytes: &[u8], wanted: Wanted, limits: &Limits) -> Result<Fr
         Some(ColorSpace::YCbCr) => Pixels::YCbCr(samples),
         _ => Pixels::Rgb(samples),
     };
-    Ok(Frame::checked(header.width, header.height, pixels, header.chroma)?.stating(header.orientation))
+    Ok(Frame::checked(header.width, header.height, pixels, header.coding)?.stating(header.orientation))
 }
 
 fn corrupt(detail: &str) -> FrameError {
@@ -54,7 +54,8 @@ fn corrupt(detail: &str) -> FrameError {
 fn read_header(bytes: &[u8]) -> Option<Header> {
     let mut at = 2;
     let mut orientation = Orientation::Upright;
-    let mut size = None;
+    let mut steps = [1.0; 4];
+    let mut start = None;
     loop {
         // Fill bytes of 0xFF may stand before a marker.
         let mut marker = *bytes.get(at..at + 2)?.first_chunk::<2>()?;
@@ -72,11 +73,13 @@ fn read_header(bytes: &[u8]) -> Option<Header> {
                     orientation = Orientation::from_exif(found.to_exif());
                 }
             }
+            0xDB => read_quantization(segment, &mut steps),
             // Start of frame, all kinds but the tables (C4, CC) and the extension (C8) that share the range.
-            0xC0..=0xCF if !matches!(code, 0xC4 | 0xC8 | 0xCC) => size = Some(read_start_of_frame(segment)?),
+            0xC0..=0xCF if !matches!(code, 0xC4 | 0xC8 | 0xCC) => start = Some(StartOfFrame::read(segment)?),
             0xDA => {
-                let (width, height, components, chroma) = size?;
-                return Some(Header { width, height, components, chroma, orientation, scan: at + length });
+                let StartOfFrame { width, height, components, chroma, chroma_table } = start?;
+                let coding = Coding { chroma, chroma_step: steps[chroma_table] };
+                return Some(Header { width, height, components, coding, orientation, scan: at + length });
             }
             _ => {}
         }
@@ -84,12 +87,40 @@ fn read_header(bytes: &[u8]) -> Option<Header> {
     }
 }
 
-fn read_start_of_frame(segment: &[u8]) -> Option<(u32, u32, u8, ChromaSampling)> {
-    let &[_precision, h1, h0, w1, w0, components, ref parts @ ..] = segment else {
-        return None;
-    };
-    let factors = parts.chunks_exact(3).map(|part| part[1]);
-    let uniform = factors.clone().all(|factor| Some(factor) == factors.clone().next());
-    let chroma = if uniform { ChromaSampling::Full } else { ChromaSampling::Reduced };
-    Some((u32::from(u16::from_be_bytes([w1, w0])), u32::from(u16::from_be_bytes([h1, h0])), components, chroma))
+/// Mean step of the six lowest frequencies, those that carry a blob, of each table in the segment.
+fn read_quantization(mut segment: &[u8], steps: &mut [f64; 4]) {
+    while let [head, rest @ ..] = segment {
+        let wide = usize::from(head >> 4 != 0) + 1;
+        let Some(table) = rest.get(..64 * wide) else { return };
+        let low =
+            table.chunks_exact(wide).take(6).map(|b| f64::from(b.iter().fold(0_u16, |v, b| v << 8 | u16::from(*b))));
+        steps[usize::from(head & 3)] = low.sum::<f64>() / 6.0;
+        segment = &rest[64 * wide..];
+    }
+}
+
+struct StartOfFrame {
+    width: u32,
+    height: u32,
+    components: u8,
+    chroma: ChromaSampling,
+    chroma_table: usize,
+}
+
+impl StartOfFrame {
+    fn read(segment: &[u8]) -> Option<Self> {
+        let &[_precision, h1, h0, w1, w0, components, ref parts @ ..] = segment else {
+            return None;
+        };
+        let mut factors = parts.chunks_exact(3).map(|part| part[1]);
+        let first = factors.next();
+        let chroma = if factors.all(|f| Some(f) == first) { ChromaSampling::Full } else { ChromaSampling::Reduced };
+        Some(Self {
+            width: u32::from(u16::from_be_bytes([w1, w0])),
+            height: u32::from(u16::from_be_bytes([h1, h0])),
+            components,
+            chroma,
+            chroma_table: parts.chunks_exact(3).nth(1).map_or(0, |part| usize::from(part[2] & 3)),
+        })
+    }
 }

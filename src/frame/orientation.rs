@@ -74,18 +74,18 @@ impl Frame {
                 (w, h, Pixels::YCbCr(samples))
             }
         };
-        Self { width, height, pixels, chroma: self.chroma, orientation: Orientation::Upright }
+        Self { width, height, pixels, coding: self.coding, orientation: Orientation::Upright }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::ChromaSampling;
+    use crate::frame::Coding;
 
     fn frame(orientation: u8) -> Frame {
         let pixels = Pixels::Luma(vec![1, 2, 3, 4, 5, 6]);
-        Frame::checked(3, 2, pixels, ChromaSampling::Full)
+        Frame::checked(3, 2, pixels, Coding::LOSSLESS)
             .expect("six samples")
             .stating(Orientation::from_exif(orientation))
     }

@@ -1,7 +1,7 @@
 //! Raw pixel formats, named as in ROS and OpenCV.
 
 use super::bayer::{self, Mosaic};
-use super::{ChromaSampling, Frame, FrameError, Limits, Pixels};
+use super::{Coding, Frame, FrameError, Limits, Pixels};
 
 /// A raw format of 8 bits a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,22 +84,22 @@ impl Frame {
         if actual != expected {
             return Err(FrameError::RawLength { format: format.name(), width, height, expected, actual });
         }
-        let (pixels, chroma) = match format {
-            RawFormat::Rgb8 => (Pixels::Rgb(bytes.to_vec()), ChromaSampling::Full),
+        let (pixels, coding) = match format {
+            RawFormat::Rgb8 => (Pixels::Rgb(bytes.to_vec()), Coding::LOSSLESS),
             RawFormat::Bgr8 => {
                 let mut rgb = bytes.to_vec();
                 rgb.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
-                (Pixels::Rgb(rgb), ChromaSampling::Full)
+                (Pixels::Rgb(rgb), Coding::LOSSLESS)
             }
-            RawFormat::Mono8 => (Pixels::Luma(bytes.to_vec()), ChromaSampling::Full),
+            RawFormat::Mono8 => (Pixels::Luma(bytes.to_vec()), Coding::LOSSLESS),
             RawFormat::Bayer(mosaic) => {
                 let rgb = bayer::demosaic(mosaic, width as usize, height as usize, bytes);
-                (Pixels::Rgb(rgb), ChromaSampling::Reduced)
+                (Pixels::Rgb(rgb), Coding::SHARED_CHROMA)
             }
-            RawFormat::Yuyv => (Pixels::YCbCr(yuyv_to_ycbcr(bytes)), ChromaSampling::Reduced),
-            RawFormat::Nv12 => (Pixels::YCbCr(nv12_to_ycbcr(width as usize, bytes)), ChromaSampling::Reduced),
+            RawFormat::Yuyv => (Pixels::YCbCr(yuyv_to_ycbcr(bytes)), Coding::SHARED_CHROMA),
+            RawFormat::Nv12 => (Pixels::YCbCr(nv12_to_ycbcr(width as usize, bytes)), Coding::SHARED_CHROMA),
         };
-        Self::checked(width, height, pixels, chroma)
+        Self::checked(width, height, pixels, coding)
     }
 }
 

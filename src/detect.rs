@@ -1,0 +1,140 @@
+//! Frame to centroids.
+//!
+//! Two ways to find coloured markers: [`thesis`], the seed's method step for step, and [`color`], the default. The steps
+//! they share are rooms of their own.
+
+pub mod color;
+pub mod components;
+pub mod morphology;
+pub mod thesis;
+pub mod threshold;
+
+use nalgebra::Vector2;
+
+use crate::camera::Pixel;
+use crate::frame::{Frame, Region, Wanted};
+
+pub use color::{ColorOptions, HueRange};
+
+/// A blob that may be a marker.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Centroid {
+    /// Where it is, px.
+    pub pixel: Pixel,
+    /// Standard deviation of the position per axis, px.
+    pub sigma_px: f64,
+    /// Its area, px; with sub-pixel accuracy where the detector has that.
+    pub area_px: f64,
+    /// The pixels that it spans.
+    pub bounds: Region,
+    /// How much it looks like a marker, 0 to 1.
+    pub score: f64,
+}
+
+/// A blob that was looked at and is not a marker.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refused {
+    /// Middle of its bounds, px.
+    pub pixel: Pixel,
+    /// Its area, px.
+    pub area_px: f64,
+    /// The pixels that it spans.
+    pub bounds: Region,
+    /// What speaks against it.
+    pub reason: Refusal,
+}
+
+/// What speaks against a blob.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Refusal {
+    /// Fewer pixels than a marker.
+    TooSmall,
+    /// More pixels than a marker.
+    TooLarge,
+    /// Too long for its width.
+    Elongated,
+    /// Its outline is not that of an ellipse: hollow, angular, or several things in one.
+    Ragged,
+    /// It hardly stands out from what surrounds it.
+    LowContrast,
+    /// Cut off by the border of the frame or the region, so that its centre is unknown.
+    AtBorder,
+    /// Better candidates filled the list.
+    Crowded,
+}
+
+impl Refusal {
+    /// The contract's word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::TooSmall => "too_small",
+            Self::TooLarge => "too_large",
+            Self::Elongated => "elongated",
+            Self::Ragged => "ragged",
+            Self::LowContrast => "low_contrast",
+            Self::AtBorder => "at_border",
+            Self::Crowded => "crowded",
+        }
+    }
+}
+
+/// What a detector found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Detection {
+    /// Candidates for markers, the best first.
+    pub centroids: Vec<Centroid>,
+    /// What was refused and why, the largest first; at most [`MAX_REFUSED`].
+    pub refused: Vec<Refused>,
+}
+
+/// Refused blobs that are reported; a frame of noise has thousands.
+pub const MAX_REFUSED: usize = 64;
+
+/// Which detector, with its options.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Detector {
+    /// Markers of one hue, located to a fraction of a pixel.
+    Color(ColorOptions),
+    /// The seed's method.
+    Thesis,
+}
+
+impl Default for Detector {
+    fn default() -> Self {
+        Self::Color(ColorOptions::default())
+    }
+}
+
+impl Detector {
+    /// The colour space in which the detector works without conversion.
+    #[must_use]
+    pub const fn wanted(&self) -> Wanted {
+        match self {
+            Self::Color(_) => Wanted::Native,
+            Self::Thesis => Wanted::Rgb,
+        }
+    }
+}
+
+/// The centroids in `region`, in pixels of the whole frame. The region must lie on the frame.
+#[must_use]
+pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {
+    let mut detection = match detector {
+        Detector::Color(options) => color::detect(frame, region, options),
+        Detector::Thesis => thesis::detect(frame, region),
+    };
+    detection.refused.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
+    detection.refused.truncate(MAX_REFUSED);
+    detection
+}
+
+/// A position inside a region as a pixel of the whole frame.
+fn in_frame(region: Region, x: f64, y: f64) -> Pixel {
+    Vector2::new(x + f64::from(region.x), y + f64::from(region.y))
+}
+
+/// Bounds inside a region as pixels of the whole frame.
+const fn bounds_in_frame(region: Region, inner: Region) -> Region {
+    Region { x: inner.x + region.x, y: inner.y + region.y, ..inner }
+}

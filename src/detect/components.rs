@@ -1,0 +1,254 @@
+//! Connected components by runs.
+//!
+//! Rows are cut into runs of foreground pixels; runs that touch are joined (union-find). The cost is one pass over the
+//! pixels plus the number of runs, however the components wind.
+
+use crate::frame::Region;
+
+/// Which pixels touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Connectivity {
+    /// Those that share a side.
+    Four,
+    /// Those that share a side or a corner.
+    Eight,
+}
+
+/// A stretch of foreground pixels `start .. end` of one row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// The row.
+    pub y: u32,
+    /// First column.
+    pub start: u32,
+    /// Column after the last.
+    pub end: u32,
+}
+
+/// The components of a picture: their runs, one component after the other, each in reading order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Components {
+    runs: Vec<Run>,
+    /// Where each component's runs begin in `runs`, and the end of the last.
+    starts: Vec<usize>,
+}
+
+impl Components {
+    /// The components of the pixels of `window` whose sample is at least `threshold`, in reading order of their first pixel.
+    /// `samples` are rows of `width`; runs are in its coordinates.
+    #[must_use]
+    pub fn of(samples: &[u8], width: usize, window: Region, threshold: u8, connectivity: Connectivity) -> Self {
+        let mut runs = Vec::new();
+        let mut parents: Vec<u32> = Vec::new();
+        let reach = u32::from(connectivity == Connectivity::Eight);
+        let (mut above_start, mut above_end) = (0, 0);
+        for y in window.y..window.y + window.height {
+            let row_start = runs.len();
+            let offset = y as usize * width + window.x as usize;
+            push_runs(&samples[offset..offset + window.width as usize], threshold, window.x, y, &mut runs);
+            // Merge with the row above: both lists are sorted, so one walk suffices.
+            let mut above = above_start;
+            for index in row_start..runs.len() {
+                parents.push(as_u32(index));
+                let run: Run = runs[index];
+                while above < above_end && runs[above].end + reach <= run.start {
+                    above += 1;
+                }
+                let mut touching = above;
+                while touching < above_end && runs[touching].start < run.end + reach {
+                    join(&mut parents, as_u32(index), as_u32(touching));
+                    touching += 1;
+                }
+            }
+            (above_start, above_end) = (row_start, runs.len());
+        }
+        Self::grouped(&runs, &mut parents)
+    }
+
+    /// Sorts runs by component (counting sort, stable).
+    fn grouped(runs: &[Run], parents: &mut [u32]) -> Self {
+        let mut numbers = vec![u32::MAX; runs.len()];
+        let mut counts: Vec<usize> = Vec::new();
+        let labels: Vec<u32> = (0..runs.len())
+            .map(|index| {
+                let root = find(parents, as_u32(index)) as usize;
+                if numbers[root] == u32::MAX {
+                    numbers[root] = as_u32(counts.len());
+                    counts.push(0);
+                }
+                counts[numbers[root] as usize] += 1;
+                numbers[root]
+            })
+            .collect();
+        let mut starts = vec![0];
+        for count in &counts {
+            starts.push(starts[starts.len() - 1] + count);
+        }
+        let mut next = starts.clone();
+        let mut sorted = vec![Run { y: 0, start: 0, end: 0 }; runs.len()];
+        for (run, label) in runs.iter().zip(labels) {
+            sorted[next[label as usize]] = *run;
+            next[label as usize] += 1;
+        }
+        Self { runs: sorted, starts }
+    }
+
+    /// Number of components.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The runs of each component.
+    pub fn iter(&self) -> impl Iterator<Item = &[Run]> {
+        self.starts.windows(2).map(|ends| &self.runs[ends[0]..ends[1]])
+    }
+}
+
+/// Number of pixels of some runs.
+#[must_use]
+pub fn area(runs: &[Run]) -> usize {
+    runs.iter().map(|run| (run.end - run.start) as usize).sum()
+}
+
+/// The smallest region that holds all runs; a single pixel at the origin for none.
+#[must_use]
+pub fn bounds(runs: &[Run]) -> Region {
+    let x = runs.iter().map(|run| run.start).min().unwrap_or(0);
+    let end = runs.iter().map(|run| run.end).max().unwrap_or(1);
+    let y = runs.first().map_or(0, |run| run.y);
+    let last = runs.last().map_or(0, |run| run.y);
+    Region { x, y, width: end - x, height: last + 1 - y }
+}
+
+/// Mean position of the pixels.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "areas stay below 2^52")]
+pub fn mean_position(runs: &[Run]) -> (f64, f64) {
+    let (mut count, mut sum_x, mut sum_y) = (0.0, 0.0, 0.0);
+    for run in runs {
+        let length = f64::from(run.end - run.start);
+        count += length;
+        sum_x += length * 0.5 * f64::from(run.start + run.end - 1);
+        sum_y += length * f64::from(run.y);
+    }
+    (sum_x / f64::max(count, 1.0), sum_y / f64::max(count, 1.0))
+}
+
+/// The runs of one row. Stretches of background are skipped sixteen samples at a time.
+fn push_runs(row: &[u8], threshold: u8, x: u32, y: u32, runs: &mut Vec<Run>) {
+    let mut at = 0;
+    while at < row.len() {
+        if let Some(chunk) = row[at..].first_chunk::<16>() {
+            // Without a branch inside, this compiles to one comparison of a whole register.
+            if chunk.iter().fold(0, |most, sample| most.max(*sample)) < threshold {
+                at += 16;
+                continue;
+            }
+        }
+        let Some(start) = row[at..].iter().position(|sample| *sample >= threshold) else { return };
+        let start = at + start;
+        let length = row[start..].iter().position(|sample| *sample < threshold).unwrap_or(row.len() - start);
+        runs.push(Run { y, start: x + as_u32(start), end: x + as_u32(start + length) });
+        at = start + length;
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "columns and numbers of runs stay below the pixel limit")]
+const fn as_u32(index: usize) -> u32 {
+    index as u32
+}
+
+fn find(parents: &mut [u32], mut node: u32) -> u32 {
+    while parents[node as usize] != node {
+        // Path halving.
+        parents[node as usize] = parents[parents[node as usize] as usize];
+        node = parents[node as usize];
+    }
+    node
+}
+
+/// The earlier run becomes the root, so roots stand in reading order.
+fn join(parents: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (find(parents, a), find(parents, b));
+    parents[a.max(b) as usize] = a.min(b);
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Flood fill from every pixel: the slow, obvious way. Sets of pixels in reading order of their first.
+    pub(crate) fn slow_components(mask: &[u8], width: usize, connectivity: Connectivity) -> Vec<Vec<(usize, usize)>> {
+        let height = mask.len() / width;
+        let mut seen = vec![false; mask.len()];
+        let mut found = Vec::new();
+        for first in 0..mask.len() {
+            if seen[first] || mask[first] == 0 {
+                continue;
+            }
+            seen[first] = true;
+            let mut stack = vec![(first % width, first / width)];
+            let mut pixels = Vec::new();
+            while let Some((x, y)) = stack.pop() {
+                pixels.push((x, y));
+                for ny in y.saturating_sub(1)..(y + 2).min(height) {
+                    for nx in x.saturating_sub(1)..(x + 2).min(width) {
+                        let diagonal = nx != x && ny != y;
+                        if mask[ny * width + nx] != 0
+                            && !seen[ny * width + nx]
+                            && !(diagonal && connectivity == Connectivity::Four)
+                        {
+                            seen[ny * width + nx] = true;
+                            stack.push((nx, ny));
+                        }
+                    }
+                }
+            }
+            pixels.sort_by_key(|&(x, y)| (y, x));
+            found.push(pixels);
+        }
+        found
+    }
+
+    fn pixels(runs: &[Run]) -> Vec<(usize, usize)> {
+        runs.iter().flat_map(|r| (r.start..r.end).map(|x| (x as usize, r.y as usize))).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn components_are_those_of_flood_fill(
+            width in 1_usize..60, rows in 1_usize..12, density in 1_u8..9, eight in any::<bool>(), seed in any::<u64>()
+        ) {
+            let mut state = seed | 1;
+            let mask: Vec<u8> = (0..width * rows)
+                .map(|_| {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    u8::from((state >> 60) as u8 % 10 < density)
+                })
+                .collect();
+            let connectivity = if eight { Connectivity::Eight } else { Connectivity::Four };
+            let window = Region { x: 0, y: 0, width: width as u32, height: rows as u32 };
+            let fast: Vec<_> =
+                Components::of(&mask, width, window, 1, connectivity).iter().map(pixels).collect();
+            prop_assert_eq!(fast, slow_components(&mask, width, connectivity));
+        }
+    }
+
+    #[test]
+    fn a_window_sees_only_its_own_pixels() {
+        let window = Region { x: 1, y: 1, width: 2, height: 1 };
+        let components = Components::of(&[9; 12], 4, window, 5, Connectivity::Eight);
+        let runs: Vec<&[Run]> = components.iter().collect();
+        assert_eq!(runs, [[Run { y: 1, start: 1, end: 3 }]]);
+        assert_eq!((area(runs[0]), bounds(runs[0]), mean_position(runs[0])), (2, window, (1.5, 1.0)));
+    }
+}
