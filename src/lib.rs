@@ -3,6 +3,8 @@ pub mod camera;
 pub mod detect;
 pub mod frame;
 pub mod geometry;
+pub mod identify;
+pub mod pipeline;
 pub mod pose;
 pub mod random;
 pub mod refine;

@@ -60,14 +60,36 @@ pub struct PoseAnswer {
     pub alternatives: Vec<PoseEstimate>,
     /// The method that led to `best`.
     pub solver: Solver,
-    /// Logarithm of the evidence for these correspondences, up to a constant for a given number of them: over all minima,
-    /// likelihood times the volume in which it is high.
+    /// Logarithm of the evidence for these correspondences with their stated deviations, up to a constant for a given number
+    /// of them: over all minima, likelihood times the volume in which it is high.
     pub ln_evidence: f64,
 }
 
 impl PoseAnswer {
     /// From this probability on, an alternative makes an answer ambiguous.
     pub const AMBIGUOUS_FROM: f64 = 0.05;
+
+    /// The answer with only those poses that are possible, their probabilities brought to a sum of one and the evidence
+    /// reduced accordingly.
+    ///
+    /// # Errors
+    /// [`NoPose::DegenerateGeometry`] if none is.
+    pub fn restricted(self, is_possible: impl Fn(&CameraFromTarget) -> bool) -> Result<Self, NoPose> {
+        let mut possible: Vec<PoseEstimate> = std::iter::once(self.best)
+            .chain(self.alternatives)
+            .filter(|estimate| is_possible(&estimate.camera_from_target))
+            .collect();
+        let total: f64 = possible.iter().map(|estimate| estimate.probability).sum();
+        possible.iter_mut().for_each(|estimate| estimate.probability /= total);
+        let mut possible = possible.into_iter();
+        let best = possible.next().ok_or_else(|| {
+            NoPose::DegenerateGeometry(
+                "every pose that explains the points shows the target from a side on which its markers are not".into(),
+            )
+        })?;
+        let ln_evidence = self.ln_evidence + total.ln();
+        Ok(Self { best, alternatives: possible.collect(), solver: self.solver, ln_evidence })
+    }
 
     /// Whether a runner-up is probable enough to matter.
     #[must_use]

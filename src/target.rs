@@ -1,8 +1,9 @@
 //! A target: the constellation of markers on the aircraft that is looked at.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use thiserror::Error;
 
+use crate::camera::Camera;
 use crate::geometry::{CameraFromTarget, Point, space};
 
 pub mod spread;
@@ -167,6 +168,19 @@ impl Target {
             let towards_camera = -(*camera_from_target * marker.position).coords;
             (camera_from_target.rotation * normal).dot(&towards_camera) > 0.0
         })
+    }
+
+    /// By how much the centroid of the marker's image lies beside the image of its centre, px: zero for a marker without
+    /// radius. A disc without a normal lies in the plane of a flat target.
+    #[must_use]
+    pub fn centroid_offset(&self, index: usize, camera: &Camera, pose: &CameraFromTarget) -> Vector2<f64> {
+        let marker = &self.markers[index];
+        let plane = self.spread.is_coplanar().then(|| self.spread.axes.column(2).into_owned());
+        let offset = marker.radius_m.zip(marker.normal.or(plane)).and_then(|(radius_m, normal)| {
+            let centre = *pose * marker.position;
+            Some(camera.disc_centroid(&centre, &(pose.rotation * normal), radius_m)? - camera.project(&centre)?)
+        });
+        offset.unwrap_or_default()
     }
 }
 

@@ -60,9 +60,16 @@ pub fn chi_square_quantile(freedom: f64, z: f64) -> f64 {
     freedom * (1.0 - spread + z * spread.sqrt()).powi(3)
 }
 
+/// `ln(sum(exp(x)))` without overflow.
+fn ln_sum_exp(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let largest = values.clone().fold(f64::NEG_INFINITY, f64::max);
+    largest + values.map(|x| (x - largest).exp()).sum::<f64>().ln()
+}
+
 /// The minima that explain the points, by falling probability, and the logarithm of the evidence of all.
 ///
 /// Each minimum's share is the integral of the likelihood over its valley (Laplace): `exp(-chi^2 / 2) sqrt(det covariance)`.
+/// Probabilities among the minima allow for residuals larger than stated; the evidence for the pairs themselves does not.
 pub(super) fn weigh(
     camera: &Camera,
     correspondences: &[Correspondence],
@@ -87,7 +94,8 @@ pub(super) fn weigh(
         })
         .collect();
     estimates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    (estimates, largest + total.ln())
+    let as_stated = |m: &Refined| -0.5 * m.chi_square + 0.5 * m.covariance.ln_determinant();
+    (estimates, ln_sum_exp(explained.iter().map(|m| as_stated(m))))
 }
 
 #[cfg(test)]

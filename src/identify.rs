@@ -1,0 +1,175 @@
+//! Which blob is which marker.
+//!
+//! The blobs look alike, come in no order, lack some markers and hold clutter. Three markers tried on three blobs give a
+//! few poses (P3P); each pose predicts where the other markers must be; those found there make an assignment. What is left
+//! is weighed: every assignment against every other and against "all of it is clutter", by the probability of the picture
+//! under each. A mirrored or turned match loses on its residuals, or ties, and then it is reported as tied.
+//!
+//! Nothing is accepted because it is the best: it must be far more probable than chance.
+
+mod bases;
+mod search;
+mod weigh;
+
+use crate::camera::{Camera, Pixel};
+use crate::pose::{NoPose, PoseAnswer};
+use crate::refine::Correspondence;
+use crate::target::Target;
+
+/// A blob that may be a marker.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blob {
+    /// Where it is, px.
+    pub pixel: Pixel,
+    /// Standard deviation per axis, px.
+    pub sigma_px: f64,
+    /// Its area, px, where it was measured.
+    pub area_px: Option<f64>,
+}
+
+/// What is assumed, and what is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IdentifyOptions {
+    /// Error of camera and target model, px, added to each blob's own when markers are told apart: what an ordinary
+    /// calibration and a ruler leave.
+    pub model_sigma_px: f64,
+    /// Fewest markers that make a detection; the seed's rule.
+    pub min_markers: usize,
+    /// How often a marker that faces the camera is not among the blobs.
+    pub miss_probability: f64,
+    /// How often the target is in view at all, before looking.
+    pub presence_probability: f64,
+    /// An answer whose assignments together are less probable than this is refused.
+    pub min_probability: f64,
+    /// Blobs considered, the first ones given. The work grows with their third power.
+    pub max_blobs: usize,
+    /// Nearest and farthest range expected, m, evenly likely on a logarithmic scale.
+    pub range_m: [f64; 2],
+}
+
+impl Default for IdentifyOptions {
+    fn default() -> Self {
+        Self {
+            model_sigma_px: 0.3,
+            min_markers: 4,
+            miss_probability: 0.1,
+            presence_probability: 0.5,
+            min_probability: 0.999,
+            max_blobs: 40,
+            range_m: [0.2, 200.0],
+        }
+    }
+}
+
+/// One way to assign the blobs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hypothesis {
+    /// For each marker the position of its blob, if it has one.
+    pub blob_of_marker: Vec<Option<usize>>,
+    /// The pose of the target under this assignment, with its own alternatives.
+    pub answer: PoseAnswer,
+    /// Of this assignment, against all others and against clutter alone.
+    pub probability: f64,
+}
+
+impl Hypothesis {
+    /// Number of markers found.
+    #[must_use]
+    pub fn found(&self) -> usize {
+        self.blob_of_marker.iter().flatten().count()
+    }
+
+    /// Its pairs of marker and blob with the blobs' own uncertainty, `model_sigma_px` added. Blobs are moved by what lies
+    /// between the centroid of a disc's image and the image of its centre at the hypothesis' pose.
+    #[must_use]
+    pub fn correspondences(
+        &self,
+        camera: &Camera,
+        target: &Target,
+        blobs: &[Blob],
+        model_sigma_px: f64,
+    ) -> Vec<Correspondence> {
+        let pose = &self.answer.best.camera_from_target;
+        pairs(target, &self.blob_of_marker)
+            .map(|(marker, blob)| Correspondence {
+                point: target.markers()[marker].position,
+                pixel: blobs[blob].pixel - target.centroid_offset(marker, camera, pose),
+                sigma_px: blobs[blob].sigma_px.hypot(model_sigma_px),
+            })
+            .collect()
+    }
+
+    /// `answer` without the poses in which a marker that was seen faces away.
+    ///
+    /// # Errors
+    /// [`NoPose::DegenerateGeometry`] if no pose is left.
+    pub fn possible(&self, target: &Target, answer: PoseAnswer) -> Result<PoseAnswer, NoPose> {
+        possible(target, &self.blob_of_marker, answer)
+    }
+}
+
+/// The pairs of an assignment.
+fn pairs<'a>(target: &'a Target, blob_of_marker: &'a [Option<usize>]) -> impl Iterator<Item = (usize, usize)> + 'a {
+    (0..target.markers().len()).filter_map(|marker| Some((marker, blob_of_marker[marker]?)))
+}
+
+/// The answer without the poses in which a marker that was seen faces away.
+fn possible(target: &Target, blob_of_marker: &[Option<usize>], answer: PoseAnswer) -> Result<PoseAnswer, NoPose> {
+    answer.restricted(|pose| {
+        (0..blob_of_marker.len()).all(|marker| blob_of_marker[marker].is_none() || target.faces_camera(marker, pose))
+    })
+}
+
+/// The assignments that explain the blobs, by falling probability; never empty. Assignments that cannot be told apart share
+/// the probability.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// The assignments.
+    pub hypotheses: Vec<Hypothesis>,
+    /// How much was looked at.
+    pub stats: Stats,
+}
+
+/// The work done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Triples of blobs tried on triples of markers.
+    pub triples: usize,
+    /// Of these, triples for which poses were computed.
+    pub solved: usize,
+    /// Assignments refined and weighed.
+    pub weighed: usize,
+}
+
+/// Finds the target among the blobs.
+///
+/// # Errors
+/// [`NoPose::TooFewPoints`] for fewer blobs than make a detection, [`NoPose::NotIdentified`] if no assignment is probable
+/// enough.
+pub fn identify(
+    camera: &Camera,
+    target: &Target,
+    blobs: &[Blob],
+    options: &IdentifyOptions,
+) -> Result<Identified, NoPose> {
+    let blobs = &blobs[..blobs.len().min(options.max_blobs)];
+    let need = options.min_markers.max(Target::MIN_MARKERS);
+    if blobs.len() < need {
+        return Err(NoPose::TooFewPoints { given: blobs.len(), need });
+    }
+    let mut stats = Stats::default();
+    let sky = search::Sky::of(camera, blobs, options);
+    let mut weighed = weigh::Scale::new(camera, target, blobs, options);
+    for base in bases::of(target, need) {
+        for candidate in search::candidates(&sky, target, &base, need, &mut stats) {
+            weighed.add(candidate, &mut stats);
+        }
+        // All markers found: other bases would find the same, and its rivals are permutations of the same blobs.
+        if weighed.is_complete() {
+            break;
+        }
+    }
+    weighed.add_swaps(&mut stats);
+    let hypotheses = weighed.ranked()?;
+    Ok(Identified { hypotheses, stats })
+}

@@ -1,0 +1,252 @@
+//! Assignments against each other and against chance.
+//!
+//! For an assignment of `k` blobs to markers, the probability of the blobs' places, over all poses of the target, is
+//! compared with that of clutter scattered evenly: a Bayes factor. It takes account of everything at once: how well the
+//! places fit, how free the pose was to make them fit, how crowded the sky is, and how many markers are missing. If there is
+//! no target, the Bayes factors of all assignments together have mean 1, so chance exceeds a threshold `1 / p` with
+//! probability below `p`.
+
+use std::collections::BTreeSet;
+use std::f64::consts::{PI, TAU};
+
+use super::search::Candidate;
+use super::{Blob, Hypothesis, IdentifyOptions, Stats, pairs, possible};
+use nalgebra::Matrix2;
+
+use crate::camera::{Camera, Pixel};
+use crate::geometry::CameraFromTarget;
+use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose};
+use crate::refine::Correspondence;
+use crate::target::Target;
+
+/// Rounds of adding blobs that fit and dropping such that do not.
+const ROUNDS: usize = 3;
+
+/// A blob this many standard deviations from its marker's place belongs to something else.
+const MAX_DEVIATIONS: f64 = 4.5;
+
+/// Residuals of a right assignment are what is stated, within chance: from four markers on, a larger ratio than this has a
+/// probability below 1e-4.
+const MAX_RESIDUAL_RATIO: f64 = 3.1;
+
+/// Markers that appear nearer to each other than this may have been swapped.
+const SWAP_DEVIATIONS: f64 = 8.0;
+
+/// Relative standard deviation of a blob's area about its marker's, from blur and thresholds.
+const LN_AREA_SIGMA: f64 = 0.35;
+
+/// Clutter has areas spread evenly over this many powers of e.
+const LN_AREA_SPAN: f64 = 6.0;
+
+pub(super) struct Scale<'a> {
+    camera: &'a Camera,
+    target: &'a Target,
+    blobs: &'a [Blob],
+    options: &'a IdentifyOptions,
+    /// Assignments already weighed.
+    known: BTreeSet<Vec<Option<usize>>>,
+    weighed: Vec<(Hypothesis, f64)>,
+}
+
+impl<'a> Scale<'a> {
+    pub(super) const fn new(
+        camera: &'a Camera,
+        target: &'a Target,
+        blobs: &'a [Blob],
+        options: &'a IdentifyOptions,
+    ) -> Self {
+        Self { camera, target, blobs, options, known: BTreeSet::new(), weighed: Vec::new() }
+    }
+
+    /// Weighs a candidate, and what it becomes as blobs that fit its pose are added and such that do not are dropped.
+    pub(super) fn add(&mut self, candidate: Candidate, stats: &mut Stats) {
+        let mut assignment = candidate.blob_of_marker;
+        for _ in 0..ROUNDS {
+            if assignment.iter().flatten().count() < self.options.min_markers || !self.known.insert(assignment.clone())
+            {
+                return;
+            }
+            let Ok(answer) = self.solve(&assignment) else { return };
+            stats.weighed += 1;
+            let settled = self.reassigned(&assignment, &answer.best.camera_from_target);
+            if let Some(ln_factor) = self.ln_bayes_factor(&assignment, &answer) {
+                let hypothesis = Hypothesis { blob_of_marker: assignment, answer, probability: 0.0 };
+                self.weighed.push((hypothesis, ln_factor));
+            }
+            assignment = settled;
+        }
+    }
+
+    /// Weighs what the best assignment becomes when two of its blobs that stand close change places: such pairs the search
+    /// may have met in one order only.
+    pub(super) fn add_swaps(&mut self, stats: &mut Stats) {
+        let Some((best, _)) = self.weighed.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return };
+        let (assignment, pose) = (best.blob_of_marker.clone(), best.answer.best.camera_from_target);
+        for first in 0..assignment.len() {
+            for second in first + 1..assignment.len() {
+                let (Some(a), Some(b)) = (self.place(first, &pose), self.place(second, &pose)) else { continue };
+                let sigma =
+                    assignment[first].iter().chain(&assignment[second]).map(|&i| self.blobs[i].sigma_px).sum::<f64>();
+                if (a - b).norm() < SWAP_DEVIATIONS * sigma.hypot(self.options.model_sigma_px) {
+                    let mut blob_of_marker = assignment.clone();
+                    blob_of_marker.swap(first, second);
+                    self.add(Candidate { blob_of_marker, fit: 0.0 }, stats);
+                }
+            }
+        }
+    }
+
+    /// Whether an assignment of every marker is as good as certain.
+    pub(super) fn is_complete(&self) -> bool {
+        let certain = (1.0 - self.options.min_probability).ln().abs() + 10.0;
+        self.weighed.iter().any(|(h, ln_factor)| h.found() == self.target.markers().len() && *ln_factor > certain)
+    }
+
+    /// The hypotheses with their probabilities.
+    pub(super) fn ranked(self) -> Result<Vec<Hypothesis>, NoPose> {
+        let presence = self.options.presence_probability;
+        let ln_clutter = ((1.0 - presence) / presence).ln();
+        let largest = self.weighed.iter().map(|(_, f)| *f).fold(ln_clutter, f64::max);
+        let sum: f64 = self.weighed.iter().map(|(_, f)| (f - largest).exp()).sum();
+        let total = sum + (ln_clutter - largest).exp();
+        let presence = sum / total;
+        if self.weighed.is_empty() || presence < self.options.min_probability {
+            return Err(NoPose::NotIdentified {
+                detail: if self.weighed.is_empty() {
+                    format!(
+                        "no pose of {:?} puts {} of its markers on the {} blobs",
+                        self.target.name(),
+                        self.options.min_markers,
+                        self.blobs.len()
+                    )
+                } else {
+                    format!(
+                        "the best match of {:?} to the {} blobs is no better than chance: probability {presence:.3}",
+                        self.target.name(),
+                        self.blobs.len()
+                    )
+                },
+            });
+        }
+        let mut hypotheses: Vec<Hypothesis> = self
+            .weighed
+            .into_iter()
+            .map(|(hypothesis, f)| Hypothesis { probability: (f - largest).exp() / total, ..hypothesis })
+            .filter(|hypothesis| hypothesis.probability > 1e-6)
+            .collect();
+        hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        Ok(hypotheses)
+    }
+
+    fn solve(&self, assignment: &[Option<usize>]) -> Result<PoseAnswer, NoPose> {
+        let correspondences: Vec<Correspondence> = pairs(self.target, assignment)
+            .map(|(marker, blob)| Correspondence {
+                point: self.target.markers()[marker].position,
+                pixel: self.blobs[blob].pixel,
+                sigma_px: self.blobs[blob].sigma_px.hypot(self.options.model_sigma_px),
+            })
+            .collect();
+        let options = PoseOptions { max_residual_ratio: MAX_RESIDUAL_RATIO, ..PoseOptions::default() };
+        let answer = estimate_pose(self.camera, &correspondences, &options)?;
+        possible(self.target, assignment, answer)
+    }
+
+    /// Every marker with the blob nearest to its place at this pose, if that is near enough.
+    fn reassigned(&self, assignment: &[Option<usize>], pose: &CameraFromTarget) -> Vec<Option<usize>> {
+        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        for (marker, current) in assignment.iter().enumerate() {
+            let Some(place) = self.place(marker, pose) else { continue };
+            for (blob, seen) in self.blobs.iter().enumerate() {
+                let deviations = (seen.pixel - place).norm() / seen.sigma_px.hypot(self.options.model_sigma_px);
+                // A marker that had no part in the pose is predicted less well than one that had.
+                let reach = if *current == Some(blob) { MAX_DEVIATIONS } else { 2.0 * MAX_DEVIATIONS };
+                if deviations < reach {
+                    pairs.push((deviations, marker, blob));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+        let mut settled = vec![None; assignment.len()];
+        for (_, marker, blob) in pairs {
+            if settled[marker].is_none() && !settled.contains(&Some(blob)) {
+                settled[marker] = Some(blob);
+            }
+        }
+        settled
+    }
+
+    /// Where the marker appears, if it faces the camera.
+    fn place(&self, marker: usize, pose: &CameraFromTarget) -> Option<Pixel> {
+        if !self.target.faces_camera(marker, pose) {
+            return None;
+        }
+        self.camera.project(&(*pose * self.target.markers()[marker].position))
+    }
+
+    /// Logarithm of the probability of the picture under this assignment over that under clutter alone.
+    fn ln_bayes_factor(&self, assignment: &[Option<usize>], answer: &PoseAnswer) -> Option<f64> {
+        let best = &answer.best.camera_from_target;
+        let ln_density = self.clutter_density(assignment, best).ln();
+        // Integral over the pose of the likelihood (Laplace; the residuals are in `ln_evidence`), times the prior there.
+        let mut ln_factor = answer.ln_evidence + 3.0 * TAU.ln() + self.ln_pose_prior(best);
+        for (marker, blob) in assignment.iter().enumerate() {
+            let place = self.place(marker, best);
+            let Some(blob) = blob.map(|b| &self.blobs[b]) else {
+                // A marker outside the picture or turned away is not missing.
+                if place.is_some_and(|p| self.camera.contains(&p)) {
+                    ln_factor += self.options.miss_probability.ln();
+                }
+                continue;
+            };
+            let sigma = blob.sigma_px.hypot(self.options.model_sigma_px);
+            ln_factor += (1.0 - self.options.miss_probability).ln() - (TAU * sigma * sigma).ln() - ln_density;
+            ln_factor += self.ln_area_factor(marker, blob, best);
+        }
+        ln_factor.is_finite().then_some(ln_factor)
+    }
+
+    /// Blobs per squared pixel: over the picture, or of those over the target's own ellipse that are not its markers,
+    /// whichever is denser. Clutter comes in crowds, and along edges.
+    #[expect(clippy::cast_precision_loss, reason = "tens of blobs")]
+    fn clutter_density(&self, assignment: &[Option<usize>], pose: &CameraFromTarget) -> f64 {
+        let over_picture = self.blobs.len() as f64 / (f64::from(self.camera.width()) * f64::from(self.camera.height()));
+        let places: Vec<Pixel> = (0..self.target.markers().len()).filter_map(|m| self.place(m, pose)).collect();
+        let count = places.len().max(1) as f64;
+        let middle = places.iter().sum::<Pixel>() / count;
+        let scatter: Matrix2<f64> =
+            places.iter().map(|p| (p - middle) * (p - middle).transpose()).sum::<Matrix2<f64>>() / count
+                + Matrix2::identity();
+        let Some(inverse) = scatter.try_inverse() else { return over_picture };
+        // Two standard deviations hold a disc of points exactly.
+        let others = self.blobs.iter().enumerate().filter(|(index, blob)| {
+            let d = blob.pixel - middle;
+            d.dot(&(inverse * d)) < 4.0 && !assignment.contains(&Some(*index))
+        });
+        over_picture.max(others.count() as f64 / (4.0 * PI * scatter.determinant().sqrt()))
+    }
+
+    /// Evenly over the directions in view, the logarithm of the range, and all attitudes from which the target can be seen.
+    fn ln_pose_prior(&self, pose: &CameraFromTarget) -> f64 {
+        let [fx, fy] = self.camera.focal_lengths();
+        let solid_angle = f64::from(self.camera.width()) / fx * f64::from(self.camera.height()) / fy;
+        let [nearest, farthest] = self.options.range_m;
+        let range = pose.translation.norm();
+        let one_sided = self.target.spread().is_coplanar() && self.target.markers().iter().all(|m| m.normal.is_some());
+        let attitudes = if one_sided { 4.0 * PI * PI } else { 8.0 * PI * PI };
+        -(solid_angle * range.powi(3) * (farthest / nearest).ln() * attitudes).ln()
+    }
+
+    fn ln_area_factor(&self, marker: usize, blob: &Blob, pose: &CameraFromTarget) -> f64 {
+        let marker = &self.target.markers()[marker];
+        let Some((radius, measured)) = marker.radius_m.zip(blob.area_px) else { return 0.0 };
+        let p = (*pose * marker.position).coords;
+        let facing = marker.normal.map_or(1.0, |n| ((pose.rotation * n).dot(&p) / p.norm()).abs());
+        let [fx, fy] = self.camera.focal_lengths();
+        // Blur adds about a pixel all round.
+        let sharp = PI * radius * radius * facing * fx * fy / (p.z * p.z);
+        let blurred = (sharp.sqrt() + 1.0).powi(2);
+        let deviation = (measured / blurred).ln() / LN_AREA_SIGMA.hypot(2.0 / blurred.sqrt());
+        // Gaussian against uniform; a floor, as paint and light may deceive.
+        (LN_AREA_SPAN / (LN_AREA_SIGMA * TAU.sqrt())).ln() - 0.5 * (deviation * deviation).min(25.0)
+    }
+}

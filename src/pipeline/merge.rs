@@ -1,0 +1,46 @@
+//! The poses of several assignments as one answer.
+
+use crate::pose::{NoPose, PoseAnswer, PoseEstimate};
+
+/// Poses nearer than this, in squared standard deviations, say the same: assignments that differ by one blob.
+const SAME_WITHIN_SQUARED: f64 = 9.0;
+
+/// One answer from those of several assignments, each with the assignment's probability. Every pose's probability is that of
+/// its assignment and of its minimum together; poses that say the same are one.
+pub(super) fn merged(answers: Vec<(f64, PoseAnswer)>) -> Result<PoseAnswer, NoPose> {
+    let mut answers = answers.into_iter();
+    let Some((probability, mut first)) = answers.next() else {
+        return Err(NoPose::NotIdentified { detail: "no assignment is left".into() });
+    };
+    let weighted = |share: f64, answer: &PoseAnswer| -> Vec<PoseEstimate> {
+        std::iter::once(&answer.best)
+            .chain(&answer.alternatives)
+            .map(|e| PoseEstimate { probability: e.probability * share, ..*e })
+            .collect()
+    };
+    let mut all = weighted(probability, &first);
+    for (probability, answer) in answers {
+        all.extend(weighted(probability, &answer));
+    }
+    let total: f64 = all.iter().map(|e| e.probability).sum();
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let mut kept: Vec<PoseEstimate> = Vec::new();
+    for mut estimate in all {
+        estimate.probability /= total;
+        let same = kept.iter_mut().find(|known| {
+            known.covariance.normalized_error_squared(&known.camera_from_target, &estimate.camera_from_target)
+                < SAME_WITHIN_SQUARED
+        });
+        match same {
+            Some(known) => known.probability += estimate.probability,
+            None => kept.push(estimate),
+        }
+    }
+    kept.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let mut kept = kept.into_iter();
+    if let Some(best) = kept.next() {
+        first.best = best;
+        first.alternatives = kept.filter(|e| e.probability >= 1e-4).collect();
+    }
+    Ok(first)
+}
