@@ -12,6 +12,7 @@ mod search;
 mod weigh;
 
 use crate::camera::{Camera, Pixel};
+use crate::geometry::CameraFromTarget;
 use crate::pose::{NoPose, PoseAnswer};
 use crate::refine::Correspondence;
 use crate::target::Target;
@@ -33,6 +34,8 @@ pub struct IdentifyOptions {
     /// Error of camera and target model, px, added to each blob's own when markers are told apart: what an ordinary
     /// calibration and a ruler leave.
     pub model_sigma_px: f64,
+    /// A marker turned away from the camera by more than this is too thin to be seen.
+    pub max_tilt_rad: f64,
     /// Fewest markers that make a detection; the seed's rule.
     pub min_markers: usize,
     /// How often a marker that faces the camera is not among the blobs.
@@ -51,13 +54,21 @@ impl Default for IdentifyOptions {
     fn default() -> Self {
         Self {
             model_sigma_px: 0.3,
+            max_tilt_rad: 80.0_f64.to_radians(),
             min_markers: 4,
             miss_probability: 0.1,
             presence_probability: 0.5,
-            min_probability: 0.999,
+            min_probability: 0.9999,
             max_blobs: 40,
             range_m: [0.2, 200.0],
         }
+    }
+}
+
+impl IdentifyOptions {
+    /// Whether a marker can be seen at this pose.
+    fn shows(&self, target: &Target, marker: usize, pose: &CameraFromTarget) -> bool {
+        target.facing_cosine(marker, pose).is_none_or(|cosine| cosine > self.max_tilt_rad.cos())
     }
 }
 
@@ -104,20 +115,14 @@ impl Hypothesis {
     /// # Errors
     /// [`NoPose::DegenerateGeometry`] if no pose is left.
     pub fn possible(&self, target: &Target, answer: PoseAnswer) -> Result<PoseAnswer, NoPose> {
-        possible(target, &self.blob_of_marker, answer)
+        answer
+            .restricted(|pose| pairs(target, &self.blob_of_marker).all(|(marker, _)| target.faces_camera(marker, pose)))
     }
 }
 
 /// The pairs of an assignment.
 fn pairs<'a>(target: &'a Target, blob_of_marker: &'a [Option<usize>]) -> impl Iterator<Item = (usize, usize)> + 'a {
     (0..target.markers().len()).filter_map(|marker| Some((marker, blob_of_marker[marker]?)))
-}
-
-/// The answer without the poses in which a marker that was seen faces away.
-fn possible(target: &Target, blob_of_marker: &[Option<usize>], answer: PoseAnswer) -> Result<PoseAnswer, NoPose> {
-    answer.restricted(|pose| {
-        (0..blob_of_marker.len()).all(|marker| blob_of_marker[marker].is_none() || target.faces_camera(marker, pose))
-    })
 }
 
 /// The assignments that explain the blobs, by falling probability; never empty. Assignments that cannot be told apart share

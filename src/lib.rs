@@ -9,5 +9,6 @@ pub mod pose;
 pub mod random;
 pub mod refine;
 pub mod scene;
+pub mod shell;
 pub mod solve;
 pub mod target;

@@ -1,1 +1,7 @@
-fn main() {}
+//! The `skypose` program.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    skypose::shell::cli::run()
+}

@@ -148,7 +148,6 @@ fn identify_all(
     found
 }
 
-/// The poses of every assignment, together.
 fn solved(
     camera: &Camera,
     target: &Target,
@@ -156,15 +155,30 @@ fn solved(
     identified: &Identified,
     options: &Options,
 ) -> TargetEstimate {
-    let answers: Result<Vec<(f64, PoseAnswer)>, NoPose> = identified
-        .hypotheses
-        .iter()
-        .map(|hypothesis| Ok((hypothesis.probability, answer_of(camera, target, blobs, hypothesis, options)?)))
-        .collect();
     TargetEstimate {
         centroid_of_marker: identified.hypotheses[0].blob_of_marker.clone(),
-        answer: answers.and_then(merge::merged),
+        answer: answer_of_all(camera, target, blobs, identified, &options.pose, options.model_sigma_px),
     }
+}
+
+/// The poses of every assignment, together: the best first, those of rival assignments among the alternatives.
+///
+/// # Errors
+/// Why the method asked for has none for the best assignment.
+pub fn answer_of_all(
+    camera: &Camera,
+    target: &Target,
+    blobs: &[Blob],
+    identified: &Identified,
+    options: &PoseOptions,
+    model_sigma_px: f64,
+) -> Result<PoseAnswer, NoPose> {
+    let answer = |hypothesis: &Hypothesis| -> Result<(f64, PoseAnswer), NoPose> {
+        Ok((hypothesis.probability, answer_of(camera, target, blobs, hypothesis, options, model_sigma_px)?))
+    };
+    let best = answer(&identified.hypotheses[0])?;
+    let rivals = identified.hypotheses[1..].iter().filter_map(|hypothesis| answer(hypothesis).ok());
+    Ok(merge::merged(best, rivals))
 }
 
 /// The answer for one assignment, by the method asked for.
@@ -173,9 +187,10 @@ fn answer_of(
     target: &Target,
     blobs: &[Blob],
     hypothesis: &Hypothesis,
-    options: &Options,
+    options: &PoseOptions,
+    model_sigma_px: f64,
 ) -> Result<PoseAnswer, NoPose> {
-    let correspondences = hypothesis.correspondences(camera, target, blobs, options.model_sigma_px);
-    let answer = estimate_pose(camera, &correspondences, &options.pose)?;
+    let correspondences = hypothesis.correspondences(camera, target, blobs, model_sigma_px);
+    let answer = estimate_pose(camera, &correspondences, options)?;
     hypothesis.possible(target, answer)
 }

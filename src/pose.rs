@@ -3,6 +3,7 @@
 
 mod evidence;
 mod propagation;
+mod robust;
 mod starts;
 
 use thiserror::Error;
@@ -12,6 +13,7 @@ use crate::geometry::{CameraFromTarget, PoseCovariance};
 use crate::refine::{Correspondence, RefineOptions, Refined, distinct, refine};
 use crate::solve::{Pair, SolveError, Solver, is_in_front};
 
+pub use robust::estimate_pose_robustly;
 pub use evidence::{Consistency, chi_square_quantile};
 
 /// How a pose is asked for.

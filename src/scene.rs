@@ -1,3 +1,8 @@
 //! Synthetic truth: named random cases, flights, and rendered frames.
 
 pub mod cases;
+pub mod encode;
+pub mod flight;
+pub mod models;
+pub mod render;
+pub mod truth;

@@ -160,14 +160,19 @@ impl Target {
         &self.spread
     }
 
+    /// Cosine of the angle between the marker's normal and the direction to the camera: 1 face on, 0 edge on, negative from
+    /// behind. `None` for a marker without a normal, which is seen from everywhere.
+    #[must_use]
+    pub fn facing_cosine(&self, index: usize, camera_from_target: &CameraFromTarget) -> Option<f64> {
+        let marker = &self.markers[index];
+        let towards_camera = -(*camera_from_target * marker.position).coords;
+        marker.normal.map(|normal| (camera_from_target.rotation * normal).dot(&towards_camera) / towards_camera.norm())
+    }
+
     /// Whether the marker's lit side is turned to the camera at this pose; true for a marker without a normal.
     #[must_use]
     pub fn faces_camera(&self, index: usize, camera_from_target: &CameraFromTarget) -> bool {
-        let marker = &self.markers[index];
-        marker.normal.is_none_or(|normal| {
-            let towards_camera = -(*camera_from_target * marker.position).coords;
-            (camera_from_target.rotation * normal).dot(&towards_camera) > 0.0
-        })
+        self.facing_cosine(index, camera_from_target).is_none_or(|cosine| cosine > 0.0)
     }
 
     /// By how much the centroid of the marker's image lies beside the image of its centre, px: zero for a marker without

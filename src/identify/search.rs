@@ -21,7 +21,7 @@ pub(super) struct Sky<'a> {
     sigma: f64,
     /// Pixels in a unit of the plane `z = 1`, squared.
     area_scale: f64,
-    range_m: [f64; 2],
+    options: &'a IdentifyOptions,
 }
 
 /// An assignment worth refining.
@@ -46,7 +46,7 @@ const AREA_FACTOR: f64 = 2.5;
 const SMALL_AREA_PX: f64 = 25.0;
 
 impl<'a> Sky<'a> {
-    pub(super) fn of(camera: &Camera, blobs: &'a [Blob], options: &IdentifyOptions) -> Self {
+    pub(super) fn of(camera: &Camera, blobs: &'a [Blob], options: &'a IdentifyOptions) -> Self {
         let rays: Vec<_> = blobs.iter().map(|blob| camera.unproject(&blob.pixel)).collect();
         let bearing = |ray: &Option<Normalized>| ray.map_or(Vector3::z(), |r| Vector3::new(r.x, r.y, 1.0).normalize());
         let [fx, fy] = camera.focal_lengths();
@@ -57,7 +57,7 @@ impl<'a> Sky<'a> {
             blobs,
             sigma: worst_px / (fx * fy).sqrt(),
             area_scale: fx * fy,
-            range_m: options.range_m,
+            options,
         }
     }
 
@@ -194,10 +194,9 @@ fn follow(
     pose: &CameraFromTarget,
     need: usize,
 ) -> Option<(Vec<Option<usize>>, f64)> {
+    let [nearest, farthest] = sky.options.range_m;
     let range = pose.translation.norm();
-    if !(sky.range_m[0]..=sky.range_m[1]).contains(&range)
-        || base.markers.iter().any(|m| !target.faces_camera(*m, pose))
-    {
+    if !(nearest..=farthest).contains(&range) || base.markers.iter().any(|m| !sky.options.shows(target, *m, pose)) {
         return None;
     }
     let mut blob_of_marker = vec![None; target.markers().len()];
@@ -207,7 +206,7 @@ fn follow(
     let mut fit = 0.0;
     for other in &base.others {
         let p = (*pose * target.markers()[other.marker].position).coords;
-        if p.z <= 0.0 || !target.faces_camera(other.marker, pose) {
+        if p.z <= 0.0 || !sky.options.shows(target, other.marker, pose) {
             continue;
         }
         let place: Vector2<f64> = p.xy() / p.z;

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
 use super::search::Candidate;
-use super::{Blob, Hypothesis, IdentifyOptions, Stats, pairs, possible};
+use super::{Blob, Hypothesis, IdentifyOptions, Stats, pairs};
 use nalgebra::Matrix2;
 
 use crate::camera::{Camera, Pixel};
@@ -148,7 +148,10 @@ impl<'a> Scale<'a> {
             .collect();
         let options = PoseOptions { max_residual_ratio: MAX_RESIDUAL_RATIO, ..PoseOptions::default() };
         let answer = estimate_pose(self.camera, &correspondences, &options)?;
-        possible(self.target, assignment, answer)
+        let shown = |pose: &CameraFromTarget| {
+            pairs(self.target, assignment).all(|(marker, _)| self.options.shows(self.target, marker, pose))
+        };
+        answer.restricted(shown)
     }
 
     /// Every marker with the blob nearest to its place at this pose, if that is near enough.
@@ -175,9 +178,9 @@ impl<'a> Scale<'a> {
         settled
     }
 
-    /// Where the marker appears, if it faces the camera.
+    /// Where the marker appears, if it can be seen.
     fn place(&self, marker: usize, pose: &CameraFromTarget) -> Option<Pixel> {
-        if !self.target.faces_camera(marker, pose) {
+        if !self.options.shows(self.target, marker, pose) {
             return None;
         }
         self.camera.project(&(*pose * self.target.markers()[marker].position))

@@ -1,0 +1,12 @@
+//! The wall: only behind this door is the world touched. Clocks, files, sockets, logs and threads live here, and every
+//! serialised shape.
+
+pub mod cli;
+pub mod config;
+pub mod console;
+pub mod fault;
+pub mod http;
+pub mod service;
+pub mod store;
+pub mod telemetry;
+pub mod wire;

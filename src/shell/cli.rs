@@ -1,0 +1,140 @@
+//! The command line.
+
+mod demo;
+mod frames;
+mod inputs;
+mod pictures;
+mod points;
+mod serve;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use super::config::{Settings, load};
+use super::fault::{Fault, FaultKind};
+
+/// Where is that UAV, and how is it turned? Six-degree-of-freedom pose of a marked target from camera frames.
+///
+/// Try `skypose demo` first: it flies a target past a camera, posts the frames to a service of its own and tells how well the
+/// poses fit the truth.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Serve detections, estimates and poses over HTTP.
+    Serve(serve::Serve),
+    /// Find markers in frames: one JSON reply a line.
+    Detect(frames::Detect),
+    /// Find targets and their poses in frames: one JSON reply a line.
+    Estimate(frames::Estimate),
+    /// Compute poses from points: JSON requests on standard input, one a line, to JSON replies on standard output.
+    ///
+    /// Example: echo '{"camera": {"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 320, "cy": 240},
+    /// "object_points_m": [[0,0,0],[1,0,0],[1,1,0],[0,1,0]],
+    /// "image_points_px": [[320,240],[440,240],[440,360],[320,360]]}' | skypose pose
+    #[command(verbatim_doc_comment)]
+    Pose(points::Pose),
+    /// Print the API document (OpenAPI, JSON).
+    Openapi,
+    /// Fly a target past a camera and watch it being measured, over real HTTP.
+    Demo(demo::Demo),
+}
+
+/// Where settings come from.
+#[derive(Args, Clone, Debug, Default)]
+struct SettingsArgs {
+    /// Settings file (TOML); deploy/skypose.toml shows all settings. SKYPOSE_* variables go over it, options over both.
+    #[arg(long, value_name = "FILE", env = "SKYPOSE_CONFIG")]
+    config: Option<PathBuf>,
+    /// Folder under which everything is stored [default: skypose-data].
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+}
+
+impl SettingsArgs {
+    fn load(&self, mut options: Vec<(&'static str, String)>) -> Result<Settings, Fault> {
+        let file = match &self.config {
+            Some(path) => Some(std::fs::read_to_string(path).map_err(|error| inputs::unreadable(path, &error))?),
+            None => None,
+        };
+        if let Some(folder) = &self.data {
+            options.push(("store.data", folder.display().to_string()));
+        }
+        let variables = std::env::vars().filter(|(name, _)| name != "SKYPOSE_CONFIG");
+        load(file.as_deref(), variables, &options).map_err(|faults| {
+            let list: Vec<String> = faults.iter().map(ToString::to_string).collect();
+            Fault::new(FaultKind::Senseless, format!("settings: {}", list.join("; ")))
+        })
+    }
+}
+
+/// How a command ended short of success.
+#[derive(Debug)]
+enum Stop {
+    /// Something is wrong with what was given, or with us.
+    Fault(Fault),
+    /// Some of many inputs were bad; each has been told of.
+    SomeFailed,
+    /// The reader of our output has gone.
+    NobodyReads,
+}
+
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<std::io::Error> for Stop {
+    fn from(error: std::io::Error) -> Self {
+        if super::console::is_closed(&error) {
+            Self::NobodyReads
+        } else {
+            Self::Fault(Fault::new(FaultKind::Internal, error.to_string()))
+        }
+    }
+}
+
+/// Runs the command line. Exit code 2 for bad input, 1 for a failure of ours.
+#[must_use]
+pub fn run() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Command::Serve(command) => command.run(),
+        Command::Detect(command) => command.run(),
+        Command::Estimate(command) => command.run(),
+        Command::Pose(command) => command.run(),
+        Command::Openapi => print_openapi(),
+        Command::Demo(command) => command.run(),
+    };
+    match result {
+        Ok(()) | Err(Stop::NobodyReads) => ExitCode::SUCCESS,
+        Err(Stop::SomeFailed) => ExitCode::from(2),
+        Err(Stop::Fault(fault)) => {
+            eprintln!("skypose: {fault}");
+            ExitCode::from(if fault.kind == FaultKind::Internal { 1 } else { 2 })
+        }
+    }
+}
+
+fn print_openapi() -> Result<(), Stop> {
+    let text = super::http::openapi()
+        .to_pretty_json()
+        .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
+    Ok(super::console::print_line(&text)?)
+}
+
+/// A runtime for a command that is no server.
+fn runtime() -> Result<tokio::runtime::Runtime, Fault> {
+    tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))
+}

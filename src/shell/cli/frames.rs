@@ -1,0 +1,255 @@
+//! `skypose detect` and `skypose estimate`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::inputs::{bytes_of, frames_of, json_of};
+use super::pictures::Pictures;
+use super::{SettingsArgs, Stop, runtime};
+use crate::shell::console::{print_line, progress};
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::service::compute::{FrameTask, Terms};
+use crate::shell::service::lookup::Lookup;
+use crate::shell::store::Store;
+use crate::shell::wire::frame::{DetectorWire, Method, OrientationHandling, Preset};
+use crate::shell::wire::pose::SolverName;
+use crate::shell::wire::{CameraWire, FrameRequest, Problem, Ref, TargetWire, from_json, from_value};
+
+/// What both commands take.
+#[derive(Args, Debug)]
+struct Frames {
+    /// Pictures (JPEG, PNG, WebP, BMP, TIFF, PNM), or folders of them.
+    #[arg(value_name = "FRAME|FOLDER", required_unless_present = "requests")]
+    inputs: Vec<PathBuf>,
+    /// Read requests instead, one JSON object a line as in the API, each with "frame": "path". `-` is standard input.
+    #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
+    requests: Option<PathBuf>,
+    /// Take the frames as a sequence: replies carry a frame_index.
+    #[arg(long)]
+    sequence: bool,
+    /// Draw what was found: a picture for a single frame, a folder for several.
+    #[arg(long, value_name = "OUT")]
+    annotate: Option<PathBuf>,
+    /// Method of detection.
+    #[arg(long, value_name = "METHOD", default_value = "color", value_parser = named::<Method>)]
+    method: Method,
+    /// Preset of the method; `thesis` is the method of the seed thesis step for step.
+    #[arg(long, value_name = "PRESET", value_parser = named::<Preset>)]
+    preset: Option<Preset>,
+    /// The markers' colour: red, orange, yellow, green, cyan, blue or magenta.
+    #[arg(long)]
+    color: Option<String>,
+    /// Look only here: x,y,width,height in pixels.
+    #[arg(long, value_name = "X,Y,W,H", value_delimiter = ',', num_args = 4)]
+    region: Option<Vec<u32>>,
+    /// What to do with an orientation that a file states (EXIF): ignore or apply.
+    #[arg(long, default_value = "ignore", value_parser = named::<OrientationHandling>)]
+    orientation: OrientationHandling,
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Detect {
+    #[command(flatten)]
+    frames: Frames,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Estimate {
+    #[command(flatten)]
+    frames: Frames,
+    /// The camera: a JSON file, or with --data the name of a stored one.
+    #[arg(long, value_name = "FILE", required_unless_present = "requests")]
+    camera: Option<PathBuf>,
+    /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times.
+    #[arg(long, value_name = "FILE", required_unless_present = "requests")]
+    target: Vec<PathBuf>,
+    /// Method for the pose.
+    #[arg(long, default_value = "auto", value_parser = named::<SolverName>)]
+    solver: SolverName,
+    /// Leave the pose as the method gives it, without refinement.
+    #[arg(long)]
+    no_refine: bool,
+}
+
+impl Detect {
+    pub(super) fn run(self) -> Result<(), Stop> {
+        let request = self.frames.request();
+        run(&self.frames, request, Kind::Detection)
+    }
+}
+
+impl Estimate {
+    pub(super) fn run(self) -> Result<(), Stop> {
+        let stored = self.frames.settings.data.is_some();
+        let camera = self.camera.as_deref().map(|path| given::<CameraWire>(path, stored)).transpose()?;
+        let targets: Result<Vec<_>, Fault> = self.target.iter().map(|path| given::<TargetWire>(path, stored)).collect();
+        let request = FrameRequest {
+            camera,
+            targets: targets?,
+            solver: self.solver,
+            refine: !self.no_refine,
+            ..self.frames.request()
+        };
+        run(&self.frames, request, Kind::Estimate)
+    }
+}
+
+/// A word of the API.
+fn named<T: serde::de::DeserializeOwned>(word: &str) -> Result<T, String> {
+    serde_json::from_value(Value::String(word.into())).map_err(|error| error.to_string())
+}
+
+/// A file, or a name if there is a store and no such file.
+fn given<T: serde::de::DeserializeOwned>(path: &Path, stored: bool) -> Result<Ref<T>, Fault> {
+    if stored && !path.exists() {
+        return Ok(Ref::Name(path.display().to_string()));
+    }
+    json_of(path).map(Ref::Object)
+}
+
+impl Frames {
+    fn request(&self) -> FrameRequest {
+        FrameRequest {
+            detector: DetectorWire {
+                method: self.method,
+                preset: self.preset,
+                color: self.color.clone(),
+                ..DetectorWire::default()
+            },
+            region_px: self.region.as_deref().and_then(|list| list.try_into().ok()),
+            orientation: self.orientation,
+            ..FrameRequest::default()
+        }
+    }
+
+    /// The frames with what is asked of each.
+    fn jobs(&self, request: &FrameRequest) -> Result<Vec<Job>, Fault> {
+        let Some(file) = &self.requests else {
+            let job = |path| Job { path, request: Ok(request.clone()) };
+            return Ok(frames_of(&self.inputs)?.into_iter().map(job).collect());
+        };
+        let text = if file.as_os_str() == "-" {
+            let mut text = Vec::new();
+            std::io::Read::read_to_end(&mut std::io::stdin().lock(), &mut text)
+                .map_err(|error| Fault::new(FaultKind::Unreadable, error.to_string()))?;
+            text
+        } else {
+            bytes_of(file)?
+        };
+        let folder = file.parent().unwrap_or(Path::new(""));
+        let lines = text.split(|byte| *byte == b'\n').filter(|line| !line.iter().all(u8::is_ascii_whitespace));
+        Ok(lines.map(|line| Job::read(line, folder)).collect())
+    }
+}
+
+/// One frame and what is asked of it.
+struct Job {
+    path: PathBuf,
+    request: Result<FrameRequest, Fault>,
+}
+
+impl Job {
+    /// From a line of JSON. A relative path counts from here, or else from the folder of the file.
+    fn read(line: &[u8], folder: &Path) -> Self {
+        let mut path = PathBuf::new();
+        let request = from_json::<Value>(line).and_then(|mut request| {
+            let frame = request.as_object_mut().and_then(|object| object.remove("frame"));
+            let Some(Value::String(frame)) = frame else {
+                return Err(Fault::senseless("/frame", "a request in a file names its frame: \"frame\": \"path\""));
+            };
+            path = PathBuf::from(frame);
+            if path.is_relative() && !path.exists() {
+                path = folder.join(&path);
+            }
+            from_value(request)
+        });
+        Self { path, request }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Detection,
+    Estimate,
+}
+
+/// A reply with the file that it is about.
+#[derive(Serialize)]
+struct Line<T> {
+    source: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frame_index: Option<usize>,
+    #[serde(flatten)]
+    reply: T,
+}
+
+#[derive(Serialize)]
+struct Failed {
+    error: Problem,
+}
+
+fn run(frames: &Frames, request: FrameRequest, kind: Kind) -> Result<(), Stop> {
+    let settings = frames.settings.load(Vec::new())?;
+    let terms = Terms::of(&settings);
+    let runtime = runtime()?;
+    let store = match &frames.settings.data {
+        Some(folder) => Some(runtime.block_on(Store::open(folder)).map_err(Fault::from)?),
+        None => None,
+    };
+    let mut lookup = Lookup::new(store.as_ref());
+    let jobs = frames.jobs(&request)?;
+    let pictures = Pictures::new(frames.annotate.as_deref(), jobs.len())?;
+    let bar = progress(jobs.len(), "frames");
+    let mut failed = false;
+    for (index, job) in jobs.into_iter().enumerate() {
+        let source = job.path.display().to_string();
+        let frame_index = frames.sequence.then_some(index);
+        let answer = job.request.and_then(|request| {
+            let task = runtime.block_on(async {
+                match kind {
+                    Kind::Detection => FrameTask::checked(request, &mut lookup).await,
+                    Kind::Estimate => FrameTask::for_estimate(request, &mut lookup).await,
+                }
+            })?;
+            answer(&job.path, &task, &terms, kind, &pictures)
+        });
+        let line = match answer {
+            Ok(reply) => to_line(Line { source, frame_index, reply })?,
+            Err(fault) => {
+                bar.suspend(|| eprintln!("skypose: {source}: {fault}"));
+                failed = true;
+                to_line(Line { source, frame_index, reply: Failed { error: (&fault).into() } })?
+            }
+        };
+        bar.suspend(|| print_line(&line))?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if failed { Err(Stop::SomeFailed) } else { Ok(()) }
+}
+
+fn answer(path: &Path, task: &FrameTask, terms: &Terms, kind: Kind, pictures: &Pictures) -> Result<Value, Fault> {
+    let bytes = bytes_of(path)?;
+    let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
+    match kind {
+        Kind::Detection => {
+            let (frame, detection, timing) = task.detected(&bytes, terms)?;
+            pictures.write(path, &frame, task, &detection, &[])?;
+            serde_json::to_value(task.detection_reply(&frame, &detection, timing)).map_err(internal)
+        }
+        Kind::Estimate => {
+            let (frame, estimate, timing) = task.estimated(&bytes, terms)?;
+            pictures.write(path, &frame, task, &estimate.detection, &estimate.targets)?;
+            serde_json::to_value(task.estimate_reply(&frame, &estimate, timing)).map_err(internal)
+        }
+    }
+}
+
+fn to_line<T: Serialize>(line: T) -> Result<String, Fault> {
+    serde_json::to_string(&line).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))
+}

@@ -1,0 +1,95 @@
+//! Files that commands read.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::wire::from_json;
+
+/// Names that pictures end in.
+const PICTURES: [&str; 11] = ["jpg", "jpeg", "png", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "pbm", "pnm"];
+
+/// The fault of a file that cannot be read.
+pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> Fault {
+    let kind = if error.kind() == std::io::ErrorKind::NotFound { FaultKind::NotFound } else { FaultKind::Unreadable };
+    Fault::new(kind, format!("{}: {error}", path.display()))
+}
+
+/// The bytes of a file.
+pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
+    std::fs::read(path).map_err(|error| unreadable(path, &error))
+}
+
+/// A JSON file.
+pub(super) fn json_of<T: DeserializeOwned>(path: &Path) -> Result<T, Fault> {
+    from_json(&bytes_of(path)?).map_err(|fault| Fault {
+        detail: format!("{}: {fault}", path.display()),
+        pointer: None,
+        ..fault
+    })
+}
+
+/// The frames that paths name: a file is itself, a folder its pictures in the order of their names, numbers by value.
+pub(super) fn frames_of(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Fault> {
+    let mut frames = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            frames.push(path.clone());
+            continue;
+        }
+        let entries = std::fs::read_dir(path).map_err(|error| unreadable(path, &error))?;
+        let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|p| is_picture(p)).collect();
+        if found.is_empty() {
+            let detail = format!("{}: a folder without pictures ({})", path.display(), PICTURES.join(", "));
+            return Err(Fault::new(FaultKind::NotFound, detail));
+        }
+        found.sort_by_key(|path| natural_key(path.file_name().unwrap_or_default()));
+        frames.extend(found);
+    }
+    Ok(frames)
+}
+
+fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
+    path.is_file() && PICTURES.contains(&ending.as_str())
+}
+
+/// Text and numbers in turn, so that frame 10 comes after frame 9.
+fn natural_key(name: &OsStr) -> Vec<(String, u128)> {
+    let name = name.to_string_lossy();
+    let mut key = Vec::new();
+    let mut rest = name.as_ref();
+    while !rest.is_empty() {
+        let digits_at = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, tail) = rest.split_at(digits_at);
+        let digits_end = tail.find(|c: char| !c.is_ascii_digit()).unwrap_or(tail.len());
+        let (digits, tail) = tail.split_at(digits_end);
+        key.push((text.to_owned(), digits.parse().unwrap_or(0)));
+        rest = tail;
+    }
+    key
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_come_in_the_order_in_which_they_were_counted() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["f10.png", "f9.jpg", "f1.PNG", "notes.txt"] {
+            std::fs::write(folder.path().join(name), b"").expect("writes");
+        }
+        let frames = frames_of(&[folder.path().to_owned()]).expect("frames");
+        let names: Vec<_> = frames.iter().filter_map(|p| p.file_name()?.to_str()).collect();
+        assert_eq!(names, ["f1.PNG", "f9.jpg", "f10.png"]);
+    }
+
+    #[test]
+    fn a_folder_without_pictures_says_so() {
+        let folder = tempfile::tempdir().expect("a folder");
+        assert_eq!(frames_of(&[folder.path().to_owned()]).expect_err("empty").kind, FaultKind::NotFound);
+    }
+}

@@ -1,0 +1,220 @@
+//! `/v1/cameras` and `/v1/targets`: stored by name, replaced only by who knows what is there.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::de::DeserializeOwned;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::App;
+use super::conditional::{is_known, precondition};
+use super::error::ApiError;
+use super::extract::{Json, Name};
+use crate::camera::Camera;
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::store::{Kind, Put, Stored};
+use crate::shell::wire::{CameraWire, Problem, TargetWire, from_json};
+use crate::target::Target;
+
+/// A stored camera.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct NamedCamera {
+    /// Its name.
+    pub name: String,
+    /// The camera.
+    #[serde(flatten)]
+    pub camera: CameraWire,
+}
+
+/// The stored cameras.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Cameras {
+    /// By name.
+    pub cameras: Vec<NamedCamera>,
+}
+
+/// The stored targets.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Targets {
+    /// By name.
+    pub targets: Vec<TargetWire>,
+}
+
+/// Lists the stored cameras.
+#[utoipa::path(get, path = "/v1/cameras", tag = "Cameras", responses((status = 200, description = "All cameras, by name", body = Cameras)))]
+pub async fn list_cameras(State(app): State<App>) -> Result<axum::Json<Cameras>, ApiError> {
+    let stored = app.service.store().list(Kind::Camera).await?;
+    let cameras: Result<Vec<NamedCamera>, Fault> =
+        stored.into_iter().map(|s| Ok(NamedCamera { camera: content(&s)?, name: s.name })).collect();
+    Ok(axum::Json(Cameras { cameras: cameras? }))
+}
+
+/// Lists the stored targets.
+#[utoipa::path(get, path = "/v1/targets", tag = "Targets", responses((status = 200, description = "All targets, by name", body = Targets)))]
+pub async fn list_targets(State(app): State<App>) -> Result<axum::Json<Targets>, ApiError> {
+    let stored = app.service.store().list(Kind::Target).await?;
+    let targets: Result<Vec<TargetWire>, Fault> = stored.iter().map(content).collect();
+    Ok(axum::Json(Targets { targets: targets? }))
+}
+
+/// Returns a stored camera.
+#[utoipa::path(
+    get, path = "/v1/cameras/{name}", tag = "Cameras",
+    params(("name" = String, Path, description = "Name of the camera"), ("If-None-Match" = Option<String>, Header, description = "Tag that the client has")),
+    responses(
+        (status = 200, description = "The camera; its tag in `ETag`", body = CameraWire, headers(("ETag" = String, description = "Changes with the content"))),
+        (status = 304, description = "The client has it"),
+        (status = 404, description = "None of that name", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn get_camera(State(app): State<App>, Name(name): Name, headers: HeaderMap) -> Result<Response, ApiError> {
+    get::<CameraWire>(&app, Kind::Camera, &name, &headers).await
+}
+
+/// Returns a stored target.
+#[utoipa::path(
+    get, path = "/v1/targets/{name}", tag = "Targets",
+    params(("name" = String, Path, description = "Name of the target"), ("If-None-Match" = Option<String>, Header, description = "Tag that the client has")),
+    responses(
+        (status = 200, description = "The target; its tag in `ETag`", body = TargetWire, headers(("ETag" = String, description = "Changes with the content"))),
+        (status = 304, description = "The client has it"),
+        (status = 404, description = "None of that name", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn get_target(State(app): State<App>, Name(name): Name, headers: HeaderMap) -> Result<Response, ApiError> {
+    get::<TargetWire>(&app, Kind::Target, &name, &headers).await
+}
+
+/// Stores a camera.
+#[utoipa::path(
+    put, path = "/v1/cameras/{name}", tag = "Cameras",
+    params(
+        ("name" = String, Path, description = "Name of the camera"),
+        ("If-Match" = Option<String>, Header, description = "Replace only what has this tag"),
+        ("If-None-Match" = Option<String>, Header, description = "`*`: create only"),
+    ),
+    request_body = CameraWire,
+    responses(
+        (status = 200, description = "Replaced", body = CameraWire, headers(("ETag" = String, description = "Changes with the content"))),
+        (status = 201, description = "Created", body = CameraWire, headers(("ETag" = String, description = "Changes with the content"))),
+        (status = 412, description = "Somebody else was faster", body = Problem, content_type = "application/problem+json"),
+        (status = 422, description = "Numbers that are no camera", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn put_camera(
+    State(app): State<App>,
+    Name(name): Name,
+    headers: HeaderMap,
+    Json(wire): Json<CameraWire>,
+) -> Result<Response, ApiError> {
+    // Stored as what the core understood, not as what was sent.
+    let camera = CameraWire::from(&Camera::try_from(&wire)?);
+    put(&app, Kind::Camera, &name, &headers, &camera).await
+}
+
+/// Stores a target.
+#[utoipa::path(
+    put, path = "/v1/targets/{name}", tag = "Targets",
+    params(
+        ("name" = String, Path, description = "Name of the target"),
+        ("If-Match" = Option<String>, Header, description = "Replace only what has this tag"),
+        ("If-None-Match" = Option<String>, Header, description = "`*`: create only"),
+    ),
+    request_body = TargetWire,
+    responses(
+        (status = 200, description = "Replaced", body = TargetWire, headers(("ETag" = String, description = "Changes with the content"))),
+        (status = 201, description = "Created", body = TargetWire, headers(("ETag" = String, description = "Changes with the content"))),
+        (status = 409, description = "The target's own name is another", body = Problem, content_type = "application/problem+json"),
+        (status = 412, description = "Somebody else was faster", body = Problem, content_type = "application/problem+json"),
+        (status = 422, description = "Markers that are no target", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn put_target(
+    State(app): State<App>,
+    Name(name): Name,
+    headers: HeaderMap,
+    Json(wire): Json<TargetWire>,
+) -> Result<Response, ApiError> {
+    let target = TargetWire::from(&Target::try_from(&wire)?);
+    let unnamed = TargetWire::unnamed();
+    if target.name != name && target.name != unnamed {
+        let detail = format!("the target is named {:?} but is to be stored as {name:?}", target.name);
+        return Err(Fault { kind: FaultKind::Conflict, detail, pointer: Some("/name".into()) }.into());
+    }
+    put(&app, Kind::Target, &name, &headers, &TargetWire { name: name.clone(), ..target }).await
+}
+
+/// Removes a stored camera.
+#[utoipa::path(
+    delete, path = "/v1/cameras/{name}", tag = "Cameras",
+    params(("name" = String, Path, description = "Name of the camera"), ("If-Match" = Option<String>, Header, description = "Remove only what has this tag")),
+    responses(
+        (status = 204, description = "Removed"),
+        (status = 404, description = "None of that name", body = Problem, content_type = "application/problem+json"),
+        (status = 412, description = "It has another tag", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn delete_camera(State(app): State<App>, Name(name): Name, headers: HeaderMap) -> Result<StatusCode, ApiError> {
+    delete(&app, Kind::Camera, &name, &headers).await
+}
+
+/// Removes a stored target.
+#[utoipa::path(
+    delete, path = "/v1/targets/{name}", tag = "Targets",
+    params(("name" = String, Path, description = "Name of the target"), ("If-Match" = Option<String>, Header, description = "Remove only what has this tag")),
+    responses(
+        (status = 204, description = "Removed"),
+        (status = 404, description = "None of that name", body = Problem, content_type = "application/problem+json"),
+        (status = 412, description = "It has another tag", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn delete_target(State(app): State<App>, Name(name): Name, headers: HeaderMap) -> Result<StatusCode, ApiError> {
+    delete(&app, Kind::Target, &name, &headers).await
+}
+
+fn content<T: DeserializeOwned>(stored: &Stored) -> Result<T, Fault> {
+    from_json(stored.body.as_bytes())
+}
+
+fn none_of_that_name(kind: Kind, name: &str) -> ApiError {
+    Fault::new(FaultKind::NotFound, format!("no stored {} {name:?}", kind.name())).into()
+}
+
+async fn get<T: DeserializeOwned + Serialize>(
+    app: &App,
+    kind: Kind,
+    name: &str,
+    headers: &HeaderMap,
+) -> Result<Response, ApiError> {
+    let stored = app.service.store().get(kind, name).await?.ok_or_else(|| none_of_that_name(kind, name))?;
+    let tag = [(header::ETAG, stored.etag.clone())];
+    if is_known(headers, &stored.etag)? {
+        return Ok((StatusCode::NOT_MODIFIED, tag).into_response());
+    }
+    Ok((tag, axum::Json(content::<T>(&stored)?)).into_response())
+}
+
+async fn put<T: Serialize>(
+    app: &App,
+    kind: Kind,
+    name: &str,
+    headers: &HeaderMap,
+    thing: &T,
+) -> Result<Response, ApiError> {
+    let body = serde_json::to_string(thing).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
+    let (put, stored) = app.service.store().put(kind, name, &body, &precondition(headers)?).await?;
+    let status = match put {
+        Put::Created => StatusCode::CREATED,
+        Put::Replaced => StatusCode::OK,
+    };
+    Ok((status, [(header::ETAG, stored.etag)], axum::Json(thing)).into_response())
+}
+
+async fn delete(app: &App, kind: Kind, name: &str, headers: &HeaderMap) -> Result<StatusCode, ApiError> {
+    if app.service.store().delete(kind, name, &precondition(headers)?).await? {
+        Ok(StatusCode::NO_CONTENT)
+    } else {
+        Err(none_of_that_name(kind, name))
+    }
+}

@@ -1,0 +1,130 @@
+//! What both doors, HTTP and the command line, ask for: names looked up, work done on the workers, replies made.
+
+pub mod compute;
+pub mod lookup;
+pub mod workers;
+
+use std::time::Instant;
+
+use bytes::Bytes;
+
+use super::config::Settings;
+use super::fault::Fault;
+use super::store::Store;
+use super::wire::{DetectionReply, EstimateReply, FrameRequest, PoseReplies, PoseReply, PoseRequest};
+use compute::Terms;
+use lookup::Lookup;
+use workers::Workers;
+
+/// The service without its doors.
+#[derive(Debug)]
+pub struct Service {
+    settings: Settings,
+    store: Store,
+    workers: Workers,
+}
+
+impl Service {
+    /// Opens the store and starts the workers.
+    ///
+    /// # Errors
+    /// If the store cannot be opened or a thread cannot be started.
+    pub async fn start(settings: Settings) -> Result<Self, Fault> {
+        let store = Store::open(&settings.store.data).await?;
+        let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
+        Ok(Self { settings, store, workers })
+    }
+
+    /// The settings.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The store.
+    #[must_use]
+    pub const fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// Whether requests can be answered.
+    pub async fn is_ready(&self) -> bool {
+        self.store.is_ready().await
+    }
+
+    /// Closes the store.
+    pub async fn close(&self) {
+        self.store.close().await;
+    }
+
+    fn lookup(&self) -> Lookup<'_> {
+        Lookup::new(Some(&self.store))
+    }
+
+    /// Points to pose.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or that the service is full.
+    pub async fn pose(&self, request: PoseRequest, deadline: Instant) -> Result<PoseReply, Fault> {
+        let terms = Terms::of(&self.settings);
+        let task = compute::PoseTask::checked(request, &mut self.lookup(), &terms).await?;
+        self.workers.run(deadline, move || task.reply(&terms)).await
+    }
+
+    /// Many requests at once; a request that fails harms no other.
+    ///
+    /// # Errors
+    /// Too many of them, or that the service is full.
+    pub async fn poses(&self, requests: Vec<serde_json::Value>, deadline: Instant) -> Result<PoseReplies, Fault> {
+        let limit = self.settings.http.max_batch;
+        if requests.len() > limit {
+            let detail = format!("{} requests in one body: at most {limit} are accepted", requests.len());
+            return Err(Fault::new(super::fault::FaultKind::TooLarge, detail));
+        }
+        let terms = Terms::of(&self.settings);
+        let mut lookup = self.lookup();
+        let mut tasks = Vec::with_capacity(requests.len());
+        for request in requests {
+            tasks.push(compute::BatchItem::read(request, &mut lookup, &terms).await);
+        }
+        self.workers.run(deadline, move || compute::batch(tasks, &terms)).await
+    }
+
+    /// Frame to centroids.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or that the service is full.
+    pub async fn detection(
+        &self,
+        frame: Bytes,
+        request: FrameRequest,
+        deadline: Instant,
+    ) -> Result<DetectionReply, Fault> {
+        let terms = Terms::of(&self.settings);
+        let task = compute::FrameTask::checked(request, &mut self.lookup()).await?;
+        let work = move || {
+            let (frame, detection, timing) = task.detected(&frame, &terms)?;
+            Ok(task.detection_reply(&frame, &detection, timing))
+        };
+        self.workers.run(deadline, work).await?
+    }
+
+    /// Frame to centroids and poses.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or that the service is full.
+    pub async fn estimate(
+        &self,
+        frame: Bytes,
+        request: FrameRequest,
+        deadline: Instant,
+    ) -> Result<EstimateReply, Fault> {
+        let terms = Terms::of(&self.settings);
+        let task = compute::FrameTask::for_estimate(request, &mut self.lookup()).await?;
+        let work = move || {
+            let (frame, estimate, timing) = task.estimated(&frame, &terms)?;
+            Ok(task.estimate_reply(&frame, &estimate, timing))
+        };
+        self.workers.run(deadline, work).await?
+    }
+}

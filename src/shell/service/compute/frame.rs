@@ -1,0 +1,225 @@
+//! Frame to centroids and poses.
+
+use std::time::Instant;
+
+use serde_json::Value;
+
+use super::Terms;
+use crate::camera::Camera;
+use crate::detect::{Detection, Detector, detect};
+use crate::frame::{Decoding, Frame, RawFormat, Region};
+use crate::pipeline::{self, Estimate, Stage};
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::service::lookup::Lookup;
+use crate::shell::wire::frame::{
+    FrameInfo, OrientationHandling, TargetEstimateWire, Timing, centroids_of, refused_of,
+};
+use crate::shell::wire::{DetectionReply, EstimateReply, FrameRequest};
+use crate::target::Target;
+
+/// A frame request that makes sense.
+#[derive(Debug)]
+pub struct FrameTask {
+    id: Option<Value>,
+    camera: Option<Camera>,
+    targets: Vec<Target>,
+    detector: Detector,
+    region: Option<Region>,
+    pose: crate::pose::PoseOptions,
+    timestamp_us: Option<i64>,
+    apply_orientation: bool,
+    raw: Option<(RawFormat, u32, u32)>,
+}
+
+/// Most targets looked for in one frame.
+const MAX_TARGETS: usize = 16;
+
+impl FrameTask {
+    /// Checks everything that can be wrong with a request, the frame aside.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub async fn checked(request: FrameRequest, lookup: &mut Lookup<'_>) -> Result<Self, Fault> {
+        let camera = match &request.camera {
+            Some(wanted) => Some(lookup.camera(wanted).await.map_err(|fault| fault.within("/camera"))?),
+            None => None,
+        };
+        if request.targets.len() > MAX_TARGETS {
+            let detail = format!("{} targets: at most {MAX_TARGETS} are looked for in one frame", request.targets.len());
+            return Err(Fault::senseless("/targets", detail));
+        }
+        let mut targets = Vec::with_capacity(request.targets.len());
+        for (index, wanted) in request.targets.iter().enumerate() {
+            let target = lookup.target(wanted).await.map_err(|fault| fault.within(&format!("/targets/{index}")))?;
+            targets.push(target);
+        }
+        let raw = match (request.format, request.width, request.height) {
+            (None, None, None) => None,
+            (Some(format), Some(width), Some(height)) => Some((format.format(), width, height)),
+            _ => return Err(Fault::senseless("/format", "a raw frame needs format, width and height, all three")),
+        };
+        Ok(Self {
+            id: request.id,
+            camera,
+            targets,
+            detector: Detector::try_from(&request.detector).map_err(|fault| fault.within("/detector"))?,
+            region: request.region_px.map(|[x, y, width, height]| Region { x, y, width, height }),
+            pose: request.solver.options(request.refine),
+            timestamp_us: request.timestamp_us,
+            apply_orientation: request.orientation == OrientationHandling::Apply,
+            raw,
+        })
+    }
+
+    /// As [`checked`](Self::checked), with what a pose needs.
+    ///
+    /// # Errors
+    /// Also for a missing camera or target.
+    pub async fn for_estimate(request: FrameRequest, lookup: &mut Lookup<'_>) -> Result<Self, Fault> {
+        if request.camera.is_none() {
+            return Err(Fault::senseless("/camera", "an estimate needs a camera: an object, or the name of a stored one"));
+        }
+        if request.targets.is_empty() {
+            return Err(Fault::senseless("/targets", "an estimate needs at least one target"));
+        }
+        Self::checked(request, lookup).await
+    }
+
+    /// The frame of these bytes.
+    ///
+    /// # Errors
+    /// Bytes that are no frame, or not one of the camera.
+    pub fn decode(&self, bytes: &[u8], terms: &Terms) -> Result<Frame, Fault> {
+        let frame = match self.raw {
+            Some((format, width, height)) => Frame::from_raw(format, width, height, bytes, &terms.limits),
+            None => {
+                let decoding = Decoding {
+                    wanted: self.detector.wanted(),
+                    apply_orientation: self.apply_orientation,
+                    limits: terms.limits,
+                };
+                Frame::decode(bytes, &decoding)
+            }
+        };
+        let frame = frame.map_err(|error| Fault::of_frame(&error))?;
+        if let Some(camera) = &self.camera {
+            frame.check_camera(camera).map_err(|error| Fault::of_frame(&error).at("/camera"))?;
+        }
+        Ok(frame)
+    }
+
+    /// The frame and its blobs, with the time that it took.
+    ///
+    /// # Errors
+    /// As [`decode`](Self::decode); a region that is not on the frame.
+    pub fn detected(&self, bytes: &[u8], terms: &Terms) -> Result<(Frame, Detection, Timing), Fault> {
+        let mut watch = Stopwatch::start();
+        let frame = self.decode(bytes, terms)?;
+        let decode = watch.lap("decode");
+        let region = self.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height());
+        let detection = detect(&frame, region.map_err(|error| Fault::of_frame(&error))?, &self.detector);
+        let timing = Timing { decode, detect: watch.lap("detect"), identify: None, solve: None, total: watch.total() };
+        Ok((frame, detection, timing))
+    }
+
+    /// The blobs as a reply.
+    #[must_use]
+    pub fn detection_reply(&self, frame: &Frame, detection: &Detection, timing_us: Timing) -> DetectionReply {
+        DetectionReply {
+            id: self.id.clone(),
+            frame: FrameInfo::of(frame, self.timestamp_us),
+            centroids: centroids_of(detection),
+            refused: refused_of(detection),
+            timing_us,
+        }
+    }
+
+    /// The frame and what it shows, with the time that it took.
+    ///
+    /// # Errors
+    /// As [`detected`](Self::detected).
+    pub fn estimated(&self, bytes: &[u8], terms: &Terms) -> Result<(Frame, Estimate, Timing), Fault> {
+        let mut watch = Stopwatch::start();
+        let frame = self.decode(bytes, terms)?;
+        let mut timing = Timing { decode: watch.lap("decode"), ..Timing::default() };
+        let Some(camera) = &self.camera else {
+            return Err(Fault::new(FaultKind::Internal, "an estimate without a camera"));
+        };
+        let options = pipeline::Options {
+            detector: self.detector.clone(),
+            region: self.region,
+            identify: terms.identify,
+            pose: self.pose,
+            model_sigma_px: terms.model_sigma_px,
+        };
+        let estimate = pipeline::estimate(&frame, camera, &self.targets, &options, |stage| match stage {
+            Stage::Detect => timing.detect = watch.lap("detect"),
+            Stage::Identify => timing.identify = Some(watch.lap("identify")),
+            Stage::Solve => timing.solve = Some(watch.lap("solve")),
+        })
+        .map_err(|error| Fault::of_frame(&error))?;
+        timing.total = watch.total();
+        let posed = estimate.targets.iter().filter(|target| target.answer.is_ok()).count();
+        let outcome = if posed > 0 { "posed" } else { "not_posed" };
+        metrics::counter!("skypose_frames_total", "outcome" => outcome).increment(1);
+        Ok((frame, estimate, timing))
+    }
+
+    /// The targets looked for.
+    #[must_use]
+    pub fn targets(&self) -> &[Target] {
+        &self.targets
+    }
+
+    /// The camera, if one was given.
+    #[must_use]
+    pub const fn camera(&self) -> Option<&Camera> {
+        self.camera.as_ref()
+    }
+
+    /// What was found as a reply.
+    #[must_use]
+    pub fn estimate_reply(&self, frame: &Frame, estimate: &Estimate, timing_us: Timing) -> EstimateReply {
+        let mut centroids = centroids_of(&estimate.detection);
+        for (target, found) in self.targets.iter().zip(&estimate.targets) {
+            for (marker, centroid) in target.markers().iter().zip(&found.centroid_of_marker) {
+                if let Some(centroid) = centroid.and_then(|index| centroids.get_mut(index)) {
+                    centroid.marker = Some(marker.id.clone());
+                    centroid.target = (self.targets.len() > 1).then(|| target.name().into());
+                }
+            }
+        }
+        EstimateReply {
+            id: self.id.clone(),
+            frame: FrameInfo::of(frame, self.timestamp_us),
+            centroids,
+            targets: self.targets.iter().zip(&estimate.targets).map(|(t, e)| TargetEstimateWire::of(t, e)).collect(),
+            timing_us,
+        }
+    }
+}
+
+/// Times of stages, in whole microseconds for the reply and to the metrics.
+struct Stopwatch {
+    start: Instant,
+    lap: Instant,
+}
+
+impl Stopwatch {
+    fn start() -> Self {
+        let now = Instant::now();
+        Self { start: now, lap: now }
+    }
+
+    fn lap(&mut self, stage: &'static str) -> u64 {
+        let now = Instant::now();
+        let span = now - self.lap;
+        self.lap = now;
+        metrics::histogram!("skypose_stage_seconds", "stage" => stage).record(span.as_secs_f64());
+        u64::try_from(span.as_micros()).unwrap_or(u64::MAX)
+    }
+
+    fn total(&self) -> u64 {
+        u64::try_from(self.start.elapsed().as_micros()).unwrap_or(u64::MAX)
+    }
+}
