@@ -76,7 +76,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(40))]
         #[test]
         fn the_centroid_is_that_of_the_images_area(
-            lens in 0..REAL.len(), x in -0.3..0.3, y in -0.2..0.2, z in 0.6..3.0, tilt in 0.0..1.2, turn in 0.0..6.28
+            lens in 0..REAL.len(), x in -0.3..0.3, y in -0.2..0.2, z in 0.6..3.0, tilt in 0.0..1.2_f64, turn in 0.0..6.28
         ) {
             let camera = Camera::checked([1280, 720], [1100.0; 2], [640.0, 360.0], REAL[lens]).expect("a camera");
             let centre = Vector3::new(x * z, y * z, z);

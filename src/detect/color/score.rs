@@ -16,20 +16,25 @@ pub(super) fn score(frame: &Frame, region: Region, hue: &HueRange) -> Option<Vec
         Pixels::YCbCr(samples) => (samples, edges.map(of_ycbcr)),
         Pixels::Rgb(samples) => (samples, edges.map(of_rgb)),
     };
-    let [a, b] = forms.map(Form::quantized);
+    let forms = forms.map(Form::quantized);
     let width = region.width as usize;
-    let mut scores = Vec::with_capacity(region.area());
-    for y in region.y..region.y + region.height {
+    let mut scores = vec![0; region.area()];
+    for (y, row) in (region.y..).zip(scores.chunks_exact_mut(width)) {
         let start = (y as usize * frame.width() as usize + region.x as usize) * 3;
-        let row = &samples[start..start + width * 3];
-        scores.extend(row.chunks_exact(3).map(|pixel| {
-            let least = a.of(pixel).min(b.of(pixel));
-            #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "clamped to 0..=255")]
-            let score = (least >> Form::BITS).clamp(0, 255) as u8;
-            score
-        }));
+        score_row(&samples[start..start + width * 3], forms, row);
     }
     Some(scores)
+}
+
+/// The scores of a row. Compiled for wider registers too, and chosen when the program runs.
+#[multiversion::multiversion(targets("x86_64+avx2", "x86_64+sse4.1+ssse3"))]
+fn score_row(samples: &[u8], [a, b]: [QuantizedForm; 2], scores: &mut [u8]) {
+    for (pixel, score) in samples.as_chunks::<3>().0.iter().zip(scores) {
+        let least = a.of(*pixel).min(b.of(*pixel));
+        #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "clamped to 0..=255")]
+        let clamped = (least >> Form::BITS).clamp(0, 255) as u8;
+        *score = clamped;
+    }
 }
 
 /// `weights . samples + offset`.
@@ -70,7 +75,8 @@ impl Form {
 }
 
 impl QuantizedForm {
-    fn of(self, pixel: &[u8]) -> i32 {
+    #[inline(always)]
+    fn of(self, pixel: [u8; 3]) -> i32 {
         self.weights[0] * i32::from(pixel[0])
             + self.weights[1] * i32::from(pixel[1])
             + self.weights[2] * i32::from(pixel[2])

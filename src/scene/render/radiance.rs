@@ -51,11 +51,25 @@ impl Radiance {
     }
 }
 
-/// Places of the sub-pixels about a pixel's centre, px.
-fn offsets(supersampling: u32) -> Vec<Vector2<f64>> {
-    let count = supersampling.clamp(1, Optics::MAX_SUPERSAMPLING);
-    let place = |index: u32| (f64::from(index) + 0.5) / f64::from(count) - 0.5;
-    (0..count * count).map(|i| Vector2::new(place(i % count), place(i / count))).collect()
+/// Places of the `supersampling` squared sub-pixels about a pixel's centre, px: a lattice of rank one (Korobov 1959), point
+/// symmetric, no two on the same row or column, so that an edge along the pixels is met as finely as any other.
+pub(super) fn offsets(supersampling: u32) -> Vec<Vector2<f64>> {
+    let side = supersampling.clamp(1, Optics::MAX_SUPERSAMPLING);
+    let count = side * side;
+    // Near the golden section, odd and without a divisor in common with the count.
+    let mut slope = (count * 618 / 1000) | 1;
+    while common_divisor(slope, count) > 1 {
+        slope += 2;
+    }
+    let place = |index: u32| {
+        let across = (f64::from(index) + 0.5) / f64::from(count);
+        Vector2::new(across, (across * f64::from(slope)).fract()) - Vector2::repeat(0.5)
+    };
+    (0..count).map(place).collect()
+}
+
+const fn common_divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
 struct Tracer<'a> {
@@ -116,4 +130,27 @@ impl Tracer<'_> {
 fn cell(middle: Normalized, by_pixel: Matrix2<f64>, reach_px: f64) -> Cell {
     let corner = |x: f64, y: f64| middle + by_pixel * Vector2::new(x, y) * reach_px;
     Cell { middle, corners: [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sub_pixels_are_even_along_both_axes_and_symmetric() {
+        for supersampling in 1..=Optics::MAX_SUPERSAMPLING {
+            let places = offsets(supersampling);
+            assert_eq!(places.len(), (supersampling * supersampling) as usize);
+            let sum: Vector2<f64> = places.iter().sum();
+            assert!(sum.norm() < 1e-9, "{supersampling}: {sum}");
+            for axis in 0..2 {
+                let mut along: Vec<f64> = places.iter().map(|place| place[axis]).collect();
+                along.sort_by(f64::total_cmp);
+                for (i, value) in along.iter().enumerate() {
+                    let even = (i as f64 + 0.5) / places.len() as f64 - 0.5;
+                    assert!((value - even).abs() < 1e-9, "{supersampling}, axis {axis}");
+                }
+            }
+        }
+    }
 }
