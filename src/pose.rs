@@ -10,11 +10,11 @@ use thiserror::Error;
 
 use crate::camera::Camera;
 use crate::geometry::{CameraFromTarget, PoseCovariance};
-use crate::refine::{Correspondence, RefineOptions, Refined, distinct, refine};
+use crate::refine::{Correspondence, RefineOptions, Refined, Stop, distinct, refine};
 use crate::solve::{Pair, SolveError, Solver, is_in_front};
 
-pub use robust::estimate_pose_robustly;
 pub use evidence::{Consistency, chi_square_quantile};
+pub use robust::estimate_pose_robustly;
 
 /// How a pose is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -176,13 +176,24 @@ pub fn estimate_pose(
     correspondences: &[Correspondence],
     options: &PoseOptions,
 ) -> Result<PoseAnswer, NoPose> {
+    estimate_pose_near(camera, correspondences, None, options)
+}
+
+/// As [`estimate_pose`], with one more start for the refinement: a pose that is already known to be near.
+fn estimate_pose_near(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    known: Option<(Solver, CameraFromTarget)>,
+    options: &PoseOptions,
+) -> Result<PoseAnswer, NoPose> {
     let pairs = rays(camera, correspondences)?;
-    let starts = starts::of(&pairs, options.solver)?;
+    let starts = starts::of(&pairs, options.solver, known)?;
     let reached: Vec<(Solver, Refined)> = starts
         .iter()
         .filter_map(|(solver, start)| {
             let refined = refine(camera, correspondences, start, &options.refinement).ok()?;
-            is_in_front(&pairs, &refined.camera_from_target).then_some((*solver, refined))
+            let is_minimum = !matches!(refined.stats.stop, Stop::MaxIterations { .. });
+            (is_minimum && is_in_front(&pairs, &refined.camera_from_target)).then_some((*solver, refined))
         })
         .collect();
     if reached.is_empty() {

@@ -15,8 +15,23 @@ const SHELL: [&str; 1] = ["shell"];
 
 /// What only the shell may name.
 const WORLD: [&str; 18] = [
-    "std::fs", "std::net", "std::io::stdout", "std::io::stderr", "std::time::Instant", "std::time::SystemTime",
-    "std::thread", "std::process", "std::env", "tokio", "axum", "sqlx", "reqwest", "serde", "tracing", "metrics", "clap",
+    "std::fs",
+    "std::net",
+    "std::io::stdout",
+    "std::io::stderr",
+    "std::time::Instant",
+    "std::time::SystemTime",
+    "std::thread",
+    "std::process",
+    "std::env",
+    "tokio",
+    "axum",
+    "sqlx",
+    "reqwest",
+    "serde",
+    "tracing",
+    "metrics",
+    "clap",
     "println!",
 ];
 
@@ -85,7 +100,13 @@ fn rooms_named(line: &str) -> Vec<String> {
             let parts: Vec<&str> = if rest.starts_with('{') { list.split(',').collect() } else { vec![list] };
             parts
                 .into_iter()
-                .map(|part| part.trim().split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap_or_default().to_owned())
+                .map(|part| {
+                    part.trim()
+                        .split(|c: char| !(c.is_alphanumeric() || c == '_'))
+                        .next()
+                        .unwrap_or_default()
+                        .to_owned()
+                })
                 .collect::<Vec<_>>()
         })
         .filter(|room| !room.is_empty())
@@ -117,7 +138,9 @@ fn broken_laws(path: &Path, text: &str) -> Vec<String> {
             }
         }
         // The doors never know each other.
-        if shown.starts_with("shell/http") && line.contains("shell::bus") || shown.starts_with("shell/bus") && line.contains("shell::http") {
+        if shown.starts_with("shell/http") && line.contains("shell::bus")
+            || shown.starts_with("shell/bus") && line.contains("shell::http")
+        {
             broken.push(format!("{shown}:{number}: http and bus never know each other"));
         }
     }
@@ -130,7 +153,9 @@ fn names_world(line: &str, word: &str) -> bool {
         let after = line[at + word.len()..].chars().next();
         let is_part = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
         // A crate is named at the start of a path.
-        !is_part(before) && !is_part(after) && (word.contains("::") || word.ends_with('!') || line[at + word.len()..].starts_with("::"))
+        !is_part(before)
+            && !is_part(after)
+            && (word.contains("::") || word.ends_with('!') || line[at + word.len()..].starts_with("::"))
     })
 }
 
@@ -139,10 +164,8 @@ fn every_file_keeps_the_import_law() {
     let mut files = Vec::new();
     rust_files(&source(), &mut files);
     assert!(files.len() > 40, "the source was found");
-    let broken: Vec<String> = files
-        .iter()
-        .flat_map(|path| broken_laws(path, &fs::read_to_string(path).expect("a text")))
-        .collect();
+    let broken: Vec<String> =
+        files.iter().flat_map(|path| broken_laws(path, &fs::read_to_string(path).expect("a text"))).collect();
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 

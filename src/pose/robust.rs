@@ -10,11 +10,12 @@
 use nalgebra::Vector3;
 use rand::RngExt;
 
-use super::{NoPose, PoseAnswer, PoseOptions, estimate_pose, rays};
+use super::{NoPose, PoseAnswer, PoseOptions, estimate_pose_near, rays};
 use crate::camera::Camera;
 use crate::geometry::CameraFromTarget;
 use crate::random;
 use crate::refine::{Correspondence, RefineOptions, refine};
+use crate::solve::Solver;
 use crate::solve::p3p::p3p;
 
 /// A pair further than this from its place, in standard deviations, is wrong: right ones exceed it once in 900.
@@ -35,7 +36,7 @@ const ROUNDS: usize = 3;
 /// The pose that most pairs agree on, and which these are.
 ///
 /// # Errors
-/// [`NoPose::NoConsensus`] if no set of pairs agrees beyond chance, and the errors of [`estimate_pose`] on the inliers.
+/// [`NoPose::NoConsensus`] if no set of pairs agrees beyond chance, and the errors of [`estimate_pose`](super::estimate_pose) on the inliers.
 pub fn estimate_pose_robustly(
     camera: &Camera,
     correspondences: &[Correspondence],
@@ -74,7 +75,7 @@ pub fn estimate_pose_robustly(
         }
         let chosen: Vec<Correspondence> =
             correspondences.iter().zip(&inliers).filter(|(_, inlier)| **inlier).map(|(c, _)| *c).collect();
-        let answer = estimate_pose(camera, &chosen, options)?;
+        let answer = estimate_pose_near(camera, &chosen, Some((Solver::P3p, pose)), options)?;
         pose = answer.best.camera_from_target;
         // Settled: the answer has the inliers that it was made from.
         if judge.inliers(&pose) == inliers {
@@ -87,7 +88,7 @@ pub fn estimate_pose_robustly(
     let inliers = judge.inliers(&pose);
     let chosen: Vec<Correspondence> =
         correspondences.iter().zip(&inliers).filter(|(_, inlier)| **inlier).map(|(c, _)| *c).collect();
-    Ok((estimate_pose(camera, &chosen, options)?, inliers))
+    Ok((estimate_pose_near(camera, &chosen, Some((Solver::P3p, pose)), options)?, inliers))
 }
 
 fn three_of(count: usize, rng: &mut impl rand::Rng) -> [usize; 3] {
@@ -121,9 +122,9 @@ struct Judge<'a> {
 impl Judge<'_> {
     /// Squared distance of a pair from its place in units of its deviation; infinite without an image.
     fn error(&self, seen: &Correspondence, pose: &CameraFromTarget) -> f64 {
-        self.camera.project(&(*pose * seen.point)).map_or(f64::INFINITY, |place| {
-            (place - seen.pixel).norm_squared() / (seen.sigma_px * seen.sigma_px)
-        })
+        self.camera
+            .project(&(*pose * seen.point))
+            .map_or(f64::INFINITY, |place| (place - seen.pixel).norm_squared() / (seen.sigma_px * seen.sigma_px))
     }
 
     fn cost(&self, pose: &CameraFromTarget) -> f64 {
@@ -162,8 +163,9 @@ impl Judge<'_> {
         let n = inliers.len();
         let picture = f64::from(self.camera.width()) * f64::from(self.camera.height());
         #[expect(clippy::cast_precision_loss, reason = "numbers of pairs stay far below 2^52")]
-        let gate: f64 =
-            self.correspondences.iter().map(|c| (GATE * c.sigma_px).powi(2)).sum::<f64>() * std::f64::consts::PI / n as f64;
+        let gate: f64 = self.correspondences.iter().map(|c| (GATE * c.sigma_px).powi(2)).sum::<f64>()
+            * std::f64::consts::PI
+            / n as f64;
         let share = (gate / picture).min(1.0);
         #[expect(clippy::cast_precision_loss, reason = "numbers of pairs stay far below 2^52")]
         let ln_tests = (4.0 * n as f64).ln() + ln_choose(n, size) + ln_choose(size, 3);

@@ -11,15 +11,15 @@ use crate::solve::{NEARLY_COPLANAR_RATIO, Pair, SolveError, Solver, is_in_front,
 /// A start and the method that gave it.
 type Start = (Solver, CameraFromTarget);
 
-/// At most: four of a named method, two of IPPE with their two flips, four of P3P.
+/// At most: four of a method, one known, two of IPPE, four of P3P, four flips.
 pub(super) type Starts = ArrayVec<Start, 16>;
 
 /// With this many points or fewer, a target in space can have several minima too, and closed forms lose their way among
 /// them; the minimal solver finds them all.
 const FEW_POINTS: usize = 12;
 
-/// The method's poses first, then those of the other minima that the layout can have.
-pub(super) fn of(pairs: &[Pair], named: Option<Solver>) -> Result<Starts, NoPose> {
+/// The method's poses first, then a pose already known, then those of the other minima that the layout can have.
+pub(super) fn of(pairs: &[Pair], named: Option<Solver>, known: Option<Start>) -> Result<Starts, NoPose> {
     let coplanar = spread_of(pairs).plane_ratio() <= NEARLY_COPLANAR_RATIO;
     let first = match named {
         Some(solver) => solver,
@@ -35,6 +35,7 @@ pub(super) fn of(pairs: &[Pair], named: Option<Solver>) -> Result<Starts, NoPose
         // A method asked for by name is not silently replaced.
         answer.clone()?;
     }
+    starts.extend(known);
     if coplanar
         && first != Solver::Ippe
         && let Ok(poses) = Solver::Ippe.solve(pairs)

@@ -53,9 +53,7 @@ pub fn wing_six() -> Target {
 pub fn wing() -> Model {
     let mirrored = |half: &[[f64; 2]]| half.iter().rev().map(|[x, y]| [*x, -y]).collect::<Vec<_>>();
     let both = |half: &[[f64; 2]]| [half.to_vec(), mirrored(half)].concat();
-    let pair = |half: &[[f64; 2]], rgb: [u8; 3]| {
-        [half.to_vec(), mirrored(half)].map(|outline| Patch { outline, rgb })
-    };
+    let pair = |half: &[[f64; 2]], rgb: [u8; 3]| [half.to_vec(), mirrored(half)].map(|outline| Patch { outline, rgb });
     let mut paint = Vec::new();
     // Elevons, wing tips, and the joint between wing and body.
     paint.extend(pair(&[[-0.215, 0.60], [-0.165, 0.60], [-0.235, 0.22], [-0.29, 0.22]], [140, 144, 148]));
@@ -79,9 +77,9 @@ pub fn demo_camera() -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::render::{Optics, Sky, render};
     use crate::geometry::{CameraFromTarget, Point};
     use crate::random::named;
+    use crate::scene::render::{Optics, Sky, render};
 
     #[test]
     fn the_demos_target_is_the_one_that_the_tests_use() {

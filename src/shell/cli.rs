@@ -125,9 +125,8 @@ pub fn run() -> ExitCode {
 }
 
 fn print_openapi() -> Result<(), Stop> {
-    let text = super::http::openapi()
-        .to_pretty_json()
-        .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
+    let text =
+        super::http::openapi().to_pretty_json().map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
     Ok(super::console::print_line(&text)?)
 }
 

@@ -238,11 +238,7 @@ impl Settings {
         need(http.max_connections > 0, "http.max_connections", "must be at least 1");
         need(http.max_in_flight > 0, "http.max_in_flight", "must be at least 1");
         need((1..=3_600_000).contains(&http.deadline_ms), "http.deadline_ms", "must be from 1 to 3600000");
-        need(
-            (1..=3_600_000).contains(&http.header_timeout_ms),
-            "http.header_timeout_ms",
-            "must be from 1 to 3600000",
-        );
+        need((1..=3_600_000).contains(&http.header_timeout_ms), "http.header_timeout_ms", "must be from 1 to 3600000");
         need(http.max_json_bytes >= 1024, "http.max_json_bytes", "must be at least 1024");
         need(http.max_frame_bytes >= 1024, "http.max_frame_bytes", "must be at least 1024");
         need(http.max_batch > 0, "http.max_batch", "must be at least 1");

@@ -183,9 +183,9 @@ fn check(precondition: &Precondition, current: Option<&str>) -> Result<(), Store
 
 /// FNV-1a of the content, quoted: the same content has the same tag on every machine.
 fn etag_of(body: &str) -> String {
-    let hash = body.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    });
+    let hash = body
+        .bytes()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3));
     format!("\"{hash:016x}\"")
 }
 
@@ -260,10 +260,7 @@ mod tests {
         let store = Store::open(folder.path()).await.expect("opens");
         let (_, first) = store.put(Kind::Target, "t", "1", &Precondition::Absent).await.expect("stores");
         let tag = Precondition::Matches(vec![first.etag]);
-        let (a, b) = tokio::join!(
-            store.put(Kind::Target, "t", "2", &tag),
-            store.put(Kind::Target, "t", "3", &tag)
-        );
+        let (a, b) = tokio::join!(store.put(Kind::Target, "t", "2", &tag), store.put(Kind::Target, "t", "3", &tag));
         assert_eq!([a.is_ok(), b.is_ok()].iter().filter(|ok| **ok).count(), 1);
         let refused = store.put(Kind::Target, "t", "4", &Precondition::Absent).await;
         assert!(matches!(refused, Err(StoreError::Precondition { current: Some(_) })));

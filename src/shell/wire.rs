@@ -70,8 +70,8 @@ mod tests {
     fn a_fault_names_its_place() {
         let fault = from_json::<CameraWire>(br#"{"width": 640, "height": 480, "fx": "long"}"#).expect_err("a string");
         assert_eq!((fault.kind, fault.pointer.as_deref()), (FaultKind::Senseless, Some("/fx")));
-        let fault = from_json::<TargetWire>(br#"{"markers": [{"id": "a", "position_m": [0, null, 1]}]}"#)
-            .expect_err("a null");
+        let fault =
+            from_json::<TargetWire>(br#"{"markers": [{"id": "a", "position_m": [0, null, 1]}]}"#).expect_err("a null");
         assert_eq!(fault.pointer.as_deref(), Some("/markers/0/position_m/1"));
     }
 

@@ -3,41 +3,59 @@
 use nalgebra::Vector2;
 
 /// A closed simple polygon, metres.
-pub struct Outline(Vec<Vector2<f64>>);
+pub struct Outline {
+    corners: Vec<Vector2<f64>>,
+    /// The rectangle about it: most places are told by that alone.
+    least: Vector2<f64>,
+    most: Vector2<f64>,
+}
 
 impl Outline {
     /// The polygon of these corners; `None` for fewer than three or a corner that is not finite.
     #[must_use]
     pub fn of(corners: &[[f64; 2]]) -> Option<Self> {
         let good = corners.len() >= 3 && corners.iter().flatten().all(|c| c.is_finite());
-        good.then(|| Self(corners.iter().map(|&c| Vector2::from(c)).collect()))
+        good.then(|| {
+            let corners: Vec<_> = corners.iter().map(|&c| Vector2::from(c)).collect();
+            let least = corners.iter().fold(corners[0], |least, c| least.inf(c));
+            let most = corners.iter().fold(corners[0], |most, c| most.sup(c));
+            Self { corners, least, most }
+        })
     }
 
     fn edges(&self) -> impl Iterator<Item = (&Vector2<f64>, &Vector2<f64>)> {
-        self.0.iter().zip(self.0.iter().cycle().skip(1))
+        self.corners.iter().zip(self.corners.iter().cycle().skip(1))
+    }
+
+    /// Whether `point` lies within `reach_m` of the rectangle about the polygon.
+    fn is_near(&self, point: &Vector2<f64>, reach_m: f64) -> bool {
+        (0..2).all(|axis| point[axis] >= self.least[axis] - reach_m && point[axis] <= self.most[axis] + reach_m)
     }
 
     /// Whether `point` lies inside: a ray from it crosses the edge an odd number of times.
     #[must_use]
     pub fn contains(&self, point: &Vector2<f64>) -> bool {
-        self.edges()
+        if !self.is_near(point, 0.0) {
+            return false;
+        }
+        let crossings = self
+            .edges()
             .filter(|(a, b)| {
-                (a.y > point.y) != (b.y > point.y)
-                    && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x)
+                (a.y > point.y) != (b.y > point.y) && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x)
             })
-            .count()
-            % 2
-            == 1
+            .count();
+        crossings % 2 == 1
     }
 
     /// Whether the edge comes within `reach_m` of `point`.
     #[must_use]
     pub fn passes_within(&self, point: &Vector2<f64>, reach_m: f64) -> bool {
-        self.edges().any(|(a, b)| {
-            let along = b - a;
-            let share = ((point - a).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            (a + along * share - point).norm_squared() <= reach_m * reach_m
-        })
+        self.is_near(point, reach_m)
+            && self.edges().any(|(a, b)| {
+                let along = b - a;
+                let share = ((point - a).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+                (a + along * share - point).norm_squared() <= reach_m * reach_m
+            })
     }
 }
 

@@ -21,8 +21,7 @@ pub fn frame_of(picture: &Radiance, optics: &Optics, rng: &mut impl Rng) -> Fram
         None => (picture.light.iter().flatten().map(|&light| expose(light)).collect(), Coding::LOSSLESS),
         Some(mosaic) => {
             let pixels = picture.light.iter().enumerate();
-            let raw: Vec<u8> =
-                pixels.map(|(i, light)| expose(light[channel(mosaic, i % width, i / width)])).collect();
+            let raw: Vec<u8> = pixels.map(|(i, light)| expose(light[channel(mosaic, i % width, i / width)])).collect();
             (demosaic(mosaic, width, height, &raw), Coding::SHARED_CHROMA)
         }
     };

@@ -172,8 +172,9 @@ impl Layout {
 impl Clouds {
     fn paint(&self, layout: &Layout, light: &mut [Light]) {
         let noise = Noise::new(self.seed);
-        // Half of the billows lie above 0.5, nearly all between 0.25 and 0.75.
-        let edge = single(0.72 - 0.44 * self.cover_ratio.clamp(0.0, 1.0));
+        // Billows are nearly normal about 0.5 with a deviation of 0.11, and the normal distribution nearly logistic.
+        let cover = self.cover_ratio.clamp(1e-3, 1.0 - 1e-3);
+        let edge = single(0.5 + 0.065 * ((1.0 - cover) / cover).ln() - 0.08);
         let field = |x: f64, y: f64| {
             // The clouds' level surface: rows near the horizon look farther.
             let distance = 1.0 / ((-y).max(0.0) + 0.3);
@@ -234,8 +235,7 @@ impl Distractor {
         let inside = (0..16).filter(|i| {
             let place = |index: i32| (f64::from(index) + 0.5) / 4.0 - 0.5;
             let (dx, dy) = (x + place(i % 4) - self.centre_px[0], y + place(i / 4) - self.centre_px[1]);
-            let (a, b) =
-                ((cosine * dx + sine * dy) / self.half_px[0], (cosine * dy - sine * dx) / self.half_px[1]);
+            let (a, b) = ((cosine * dx + sine * dy) / self.half_px[0], (cosine * dy - sine * dx) / self.half_px[1]);
             match self.shape {
                 Shape::Rectangle => a.abs() <= 1.0 && b.abs() <= 1.0,
                 Shape::Ellipse => a * a + b * b <= 1.0,
@@ -246,7 +246,11 @@ impl Distractor {
 }
 
 /// The pixels of `0..length` within `reach` of `middle`; none if that is no number.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the conversion saturates, then is clamped")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the conversion saturates, then is clamped"
+)]
 fn span(middle: f64, reach: f64, length: usize) -> std::ops::Range<usize> {
     let from = (middle - reach).floor().max(0.0) as usize;
     let to = (middle + reach).ceil().max(-1.0) + 1.0;

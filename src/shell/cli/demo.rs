@@ -1,6 +1,10 @@
 //! `skypose demo`.
-use clap::Args;
 use super::Stop;
+use clap::Args;
 #[derive(Args, Debug)]
 pub(super) struct Demo {}
-impl Demo { pub(super) fn run(self) -> Result<(), Stop> { Ok(()) } }
+impl Demo {
+    pub(super) fn run(self) -> Result<(), Stop> {
+        Ok(())
+    }
+}

@@ -40,7 +40,8 @@ pub(super) fn frames_of(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Fault> {
             continue;
         }
         let entries = std::fs::read_dir(path).map_err(|error| unreadable(path, &error))?;
-        let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|p| is_picture(p)).collect();
+        let mut found: Vec<PathBuf> =
+            entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|p| is_picture(p)).collect();
         if found.is_empty() {
             let detail = format!("{}: a folder without pictures ({})", path.display(), PICTURES.join(", "));
             return Err(Fault::new(FaultKind::NotFound, detail));

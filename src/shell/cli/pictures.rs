@@ -2,7 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-fn annotate(_:&Frame,_:Option<&crate::camera::Camera>,_:&Detection,_:&[crate::target::Target],_:&[TargetEstimate])->image::RgbImage{image::RgbImage::new(1,1)}
+fn annotate(
+    _: &Frame,
+    _: Option<&crate::camera::Camera>,
+    _: &Detection,
+    _: &[crate::target::Target],
+    _: &[TargetEstimate],
+) -> image::RgbImage {
+    image::RgbImage::new(1, 1)
+}
 use crate::detect::Detection;
 use crate::frame::Frame;
 use crate::pipeline::TargetEstimate;
@@ -46,7 +54,8 @@ impl Pictures {
         };
         let picture = annotate(frame, task.camera(), detection, task.targets(), targets);
         picture.save(&path).map_err(|error| {
-            let detail = format!("{}: {error} (annotated frames are written as PNG, BMP, TIFF, WebP or PNM)", path.display());
+            let detail =
+                format!("{}: {error} (annotated frames are written as PNG, BMP, TIFF, WebP or PNM)", path.display());
             Fault::new(FaultKind::Unreadable, detail)
         })
     }

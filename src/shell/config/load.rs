@@ -81,9 +81,10 @@ impl Layers {
     /// The section is the longest known one that the name begins with: names have underscores of their own.
     fn add_variable(&mut self, name: &str, text: &str) {
         let rest = name["SKYPOSE_".len()..].to_lowercase();
-        let section = self.merged.keys().find(|section| {
-            rest.strip_prefix(section.as_str()).is_some_and(|key| key.starts_with('_'))
-        });
+        let section = self
+            .merged
+            .keys()
+            .find(|section| rest.strip_prefix(section.as_str()).is_some_and(|key| key.starts_with('_')));
         match section {
             Some(section) => {
                 let setting = format!("{section}.{}", &rest[section.len() + 1..]);

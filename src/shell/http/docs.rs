@@ -2,8 +2,8 @@
 
 use axum::Router;
 use serde_json::Value;
-use utoipa::openapi::{Content, OpenApi as OpenApiDocument, RefOr};
 use utoipa::openapi::example::ExampleBuilder;
+use utoipa::openapi::{Content, OpenApi as OpenApiDocument, RefOr};
 use utoipa::{OpenApi, ToSchema};
 use utoipa_swagger_ui::SwaggerUi;
 
@@ -57,7 +57,10 @@ pub(super) fn add_examples(document: &mut OpenApiDocument) {
     for (name, text) in EXAMPLES {
         let Ok(example) = serde_json::from_str::<Value>(text) else { continue };
         let part = |key: &str| {
-            ExampleBuilder::new().summary(example["summary"].as_str().unwrap_or(name)).value(Some(example[key].clone())).build()
+            ExampleBuilder::new()
+                .summary(example["summary"].as_str().unwrap_or(name))
+                .value(Some(example[key].clone()))
+                .build()
         };
         if let Some(RefOr::T(body)) = &mut post.request_body {
             insert(&mut body.content, name, part("request"));

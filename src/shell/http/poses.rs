@@ -1,8 +1,8 @@
 //! `POST /v1/poses`.
 
-use axum::response::{IntoResponse, Response};
-use axum::extract::State;
 use axum::Extension;
+use axum::extract::State;
+use axum::response::{IntoResponse, Response};
 use serde_json::Value;
 
 use super::App;

@@ -3,8 +3,8 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::de::DeserializeOwned;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use utoipa::ToSchema;
 
 use super::App;
@@ -155,7 +155,11 @@ pub async fn put_target(
         (status = 412, description = "It has another tag", body = Problem, content_type = "application/problem+json"),
     )
 )]
-pub async fn delete_camera(State(app): State<App>, Name(name): Name, headers: HeaderMap) -> Result<StatusCode, ApiError> {
+pub async fn delete_camera(
+    State(app): State<App>,
+    Name(name): Name,
+    headers: HeaderMap,
+) -> Result<StatusCode, ApiError> {
     delete(&app, Kind::Camera, &name, &headers).await
 }
 
@@ -169,7 +173,11 @@ pub async fn delete_camera(State(app): State<App>, Name(name): Name, headers: He
         (status = 412, description = "It has another tag", body = Problem, content_type = "application/problem+json"),
     )
 )]
-pub async fn delete_target(State(app): State<App>, Name(name): Name, headers: HeaderMap) -> Result<StatusCode, ApiError> {
+pub async fn delete_target(
+    State(app): State<App>,
+    Name(name): Name,
+    headers: HeaderMap,
+) -> Result<StatusCode, ApiError> {
     delete(&app, Kind::Target, &name, &headers).await
 }
 

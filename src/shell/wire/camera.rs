@@ -102,13 +102,8 @@ impl TryFrom<&CameraWire> for Camera {
     type Error = Fault;
 
     fn try_from(wire: &CameraWire) -> Result<Self, Fault> {
-        Self::checked(
-            [wire.width, wire.height],
-            [wire.fx, wire.fy],
-            [wire.cx, wire.cy],
-            wire.distortion.checked()?,
-        )
-        .map_err(|error| Fault::of_camera(&error))
+        Self::checked([wire.width, wire.height], [wire.fx, wire.fy], [wire.cx, wire.cy], wire.distortion.checked()?)
+            .map_err(|error| Fault::of_camera(&error))
     }
 }
 
@@ -155,7 +150,8 @@ mod tests {
 
     #[test]
     fn a_wrong_number_of_coefficients_is_named() {
-        let fault = camera(r#", "distortion": {"model": "equidistant", "coefficients": [1, 2, 3]}"#).expect_err("three");
+        let fault =
+            camera(r#", "distortion": {"model": "equidistant", "coefficients": [1, 2, 3]}"#).expect_err("three");
         assert_eq!(fault.to_string(), "/distortion/coefficients: equidistant has 4 coefficients, not 3");
     }
 }

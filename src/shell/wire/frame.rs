@@ -183,9 +183,10 @@ impl TryFrom<&DetectorWire> for Detector {
         let within = |name: &str, value: Option<f64>, default: f64, least: f64, most: f64| match value {
             None => Ok(default),
             Some(value) if (least..=most).contains(&value) => Ok(value),
-            Some(value) => {
-                Err(Fault::senseless(format!("/{name}"), format!("{name} = {value}: from {least} to {most} is accepted")))
-            }
+            Some(value) => Err(Fault::senseless(
+                format!("/{name}"),
+                format!("{name} = {value}: from {least} to {most} is accepted"),
+            )),
         };
         Ok(Self::Color(ColorOptions {
             hue: hue_of(wire)?,
@@ -217,7 +218,8 @@ fn hue_of(wire: &DetectorWire) -> Result<HueRange, Fault> {
         (None, Some([from, to])) => {
             let width = (to - from).rem_euclid(360.0);
             if !(width > 0.0 && width <= 120.0) {
-                let detail = format!("hues from {from} to {to} degrees span {width}: more than 0, at most 120 is accepted");
+                let detail =
+                    format!("hues from {from} to {to} degrees span {width}: more than 0, at most 120 is accepted");
                 return Err(Fault::senseless("/hue_range_deg", detail));
             }
             Ok(HueRange { centre_deg: (from + 0.5 * width).rem_euclid(360.0), half_width_deg: 0.5 * width })
@@ -377,11 +379,7 @@ impl TargetEstimateWire {
     /// Of a target.
     #[must_use]
     pub fn of(target: &Target, estimate: &TargetEstimate) -> Self {
-        Self {
-            name: target.name().into(),
-            detected: estimate.is_detected(),
-            answer: Answer::from(&estimate.answer),
-        }
+        Self { name: target.name().into(), detected: estimate.is_detected(), answer: Answer::from(&estimate.answer) }
     }
 }
 

@@ -64,7 +64,8 @@ impl FramePost {
             if slot.is_some() {
                 return Err(unreadable(format!("part {name:?} comes twice")));
             }
-            let bytes = field.bytes().await.map_err(|error| unreadable(format!("part {name:?}: {}", error.body_text())))?;
+            let bytes =
+                field.bytes().await.map_err(|error| unreadable(format!("part {name:?}: {}", error.body_text())))?;
             *slot = Some(bytes);
         }
         let frame = frame.ok_or_else(|| unreadable("the form has no part `frame`".into()))?;

@@ -147,9 +147,10 @@ fn value(name: &str, text: &str, form: Form) -> Result<Value, Fault> {
     };
     let number = |text: &str| -> Option<Value> {
         let text = text.trim();
-        text.parse::<i64>().ok().map(Value::from).or_else(|| {
-            text.parse::<f64>().ok().filter(|x| x.is_finite()).map(Value::from)
-        })
+        text.parse::<i64>()
+            .ok()
+            .map(Value::from)
+            .or_else(|| text.parse::<f64>().ok().filter(|x| x.is_finite()).map(Value::from))
     };
     match form {
         Form::Text | Form::Names => Ok(Value::String(text.into())),
@@ -175,7 +176,8 @@ fn decoded(text: &str) -> String {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();
     while let [first, tail @ ..] = rest {
-        let escape = tail.first_chunk::<2>().and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
+        let escape =
+            tail.first_chunk::<2>().and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
         match (first, escape) {
             (b'%', Some(byte)) => {
                 bytes.push(byte);

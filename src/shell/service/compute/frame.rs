@@ -11,9 +11,7 @@ use crate::frame::{Decoding, Frame, RawFormat, Region};
 use crate::pipeline::{self, Estimate, Stage};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::lookup::Lookup;
-use crate::shell::wire::frame::{
-    FrameInfo, OrientationHandling, TargetEstimateWire, Timing, centroids_of, refused_of,
-};
+use crate::shell::wire::frame::{FrameInfo, OrientationHandling, TargetEstimateWire, Timing, centroids_of, refused_of};
 use crate::shell::wire::{DetectionReply, EstimateReply, FrameRequest};
 use crate::target::Target;
 
@@ -45,7 +43,8 @@ impl FrameTask {
             None => None,
         };
         if request.targets.len() > MAX_TARGETS {
-            let detail = format!("{} targets: at most {MAX_TARGETS} are looked for in one frame", request.targets.len());
+            let detail =
+                format!("{} targets: at most {MAX_TARGETS} are looked for in one frame", request.targets.len());
             return Err(Fault::senseless("/targets", detail));
         }
         let mut targets = Vec::with_capacity(request.targets.len());
@@ -77,7 +76,10 @@ impl FrameTask {
     /// Also for a missing camera or target.
     pub async fn for_estimate(request: FrameRequest, lookup: &mut Lookup<'_>) -> Result<Self, Fault> {
         if request.camera.is_none() {
-            return Err(Fault::senseless("/camera", "an estimate needs a camera: an object, or the name of a stored one"));
+            return Err(Fault::senseless(
+                "/camera",
+                "an estimate needs a camera: an object, or the name of a stored one",
+            ));
         }
         if request.targets.is_empty() {
             return Err(Fault::senseless("/targets", "an estimate needs at least one target"));

@@ -55,7 +55,8 @@ impl PoseTask {
         // With unknown correspondence too few image points are an answer: the target is not in view.
         check_count("/image_points_px", images, if unknown { 0 } else { least }, most_seen)?;
         if !unknown && objects != images {
-            let detail = format!("{images} image points for {objects} object points: with known correspondence they pair up");
+            let detail =
+                format!("{images} image points for {objects} object points: with known correspondence they pair up");
             return Err(Fault::senseless("/image_points_px", detail));
         }
         check_values("/object_points_m", &request.object_points_m, 1e6)?;
@@ -170,10 +171,8 @@ fn target_of(points: &[[f64; 3]]) -> Result<Target, Fault> {
         normal: None,
     };
     Target::checked("points", points.iter().enumerate().map(marker).collect()).map_err(|error| {
-        let pointer = error.place().map_or_else(
-            || "/object_points_m".into(),
-            |(index, _)| format!("/object_points_m/{index}"),
-        );
+        let pointer =
+            error.place().map_or_else(|| "/object_points_m".into(), |(index, _)| format!("/object_points_m/{index}"));
         Fault::senseless(pointer, error.to_string())
     })
 }
