@@ -86,6 +86,15 @@ impl Frame {
         Ok(Self { width, height, pixels, coding, orientation: Orientation::Upright })
     }
 
+    /// A picture of the image library as a frame.
+    ///
+    /// # Errors
+    /// [`FrameError::ZeroSize`].
+    pub fn from_rgb_image(picture: image::RgbImage) -> Result<Self, FrameError> {
+        let (width, height) = picture.dimensions();
+        Self::checked(width, height, Pixels::Rgb(picture.into_raw()), Coding::LOSSLESS)
+    }
+
     /// Width, px.
     #[must_use]
     pub const fn width(&self) -> u32 {

@@ -1,4 +1,5 @@
 //! Skypose.
+pub mod annotate;
 pub mod camera;
 pub mod detect;
 pub mod frame;

@@ -56,11 +56,11 @@ pub fn wing() -> Model {
     let pair = |half: &[[f64; 2]], rgb: [u8; 3]| [half.to_vec(), mirrored(half)].map(|outline| Patch { outline, rgb });
     let mut paint = Vec::new();
     // Elevons, wing tips, and the joint between wing and body.
-    paint.extend(pair(&[[-0.215, 0.60], [-0.165, 0.60], [-0.235, 0.22], [-0.29, 0.22]], [140, 144, 148]));
+    paint.extend(pair(&[[-0.215, 0.60], [-0.165, 0.60], [-0.235, 0.22], [-0.29, 0.22]], [118, 122, 128]));
     paint.extend(pair(&[[0.04, 0.64], [-0.08, 0.69], [-0.22, 0.67], [-0.213, 0.625], [0.05, 0.625]], [44, 62, 92]));
-    paint.extend(pair(&[[0.33, 0.182], [0.325, 0.189], [-0.30, 0.182], [-0.30, 0.175]], [128, 132, 136]));
-    paint.push(Patch { outline: both(&[[-0.10, 0.05], [-0.27, 0.05]]), rgb: [120, 124, 128] });
-    Model { body: both(&HALF_OUTLINE), body_rgb: [176, 180, 184], paint, ..Model::bare(wing_six()) }
+    paint.extend(pair(&[[0.33, 0.182], [0.325, 0.189], [-0.30, 0.182], [-0.30, 0.175]], [108, 112, 118]));
+    paint.push(Patch { outline: both(&[[-0.10, 0.05], [-0.27, 0.05]]), rgb: [104, 108, 114] });
+    Model { body: both(&HALF_OUTLINE), body_rgb: [150, 154, 160], paint, ..Model::bare(wing_six()) }
 }
 
 /// The demo's camera: 1280 x 720, f about 1000 px (65 degrees wide), with a lens that bends a little.

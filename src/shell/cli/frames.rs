@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::inputs::{bytes_of, frames_of, json_of};
 use super::pictures::Pictures;
 use super::{SettingsArgs, Stop, runtime};
+use crate::annotate::Overlay;
 use crate::shell::console::{print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Terms};
@@ -239,12 +240,12 @@ fn answer(path: &Path, task: &FrameTask, terms: &Terms, kind: Kind, pictures: &P
     match kind {
         Kind::Detection => {
             let (frame, detection, timing) = task.detected(&bytes, terms)?;
-            pictures.write(path, &frame, task, &detection, &[])?;
+            pictures.write(path, &frame, task, &Overlay::of_detection(&detection))?;
             serde_json::to_value(task.detection_reply(&frame, &detection, timing)).map_err(internal)
         }
         Kind::Estimate => {
             let (frame, estimate, timing) = task.estimated(&bytes, terms)?;
-            pictures.write(path, &frame, task, &estimate.detection, &estimate.targets)?;
+            pictures.write(path, &frame, task, &Overlay::of(task.targets(), &estimate))?;
             serde_json::to_value(task.estimate_reply(&frame, &estimate, timing)).map_err(internal)
         }
     }

@@ -2,18 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-fn annotate(
-    _: &Frame,
-    _: Option<&crate::camera::Camera>,
-    _: &Detection,
-    _: &[crate::target::Target],
-    _: &[TargetEstimate],
-) -> image::RgbImage {
-    image::RgbImage::new(1, 1)
-}
-use crate::detect::Detection;
+use crate::annotate::{Overlay, annotate};
 use crate::frame::Frame;
-use crate::pipeline::TargetEstimate;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::FrameTask;
 
@@ -44,15 +34,14 @@ impl Pictures {
         source: &Path,
         frame: &Frame,
         task: &FrameTask,
-        detection: &Detection,
-        targets: &[TargetEstimate],
+        overlay: &Overlay<'_>,
     ) -> Result<(), Fault> {
         let path = match self {
             Self::None => return Ok(()),
             Self::File(path) => path.clone(),
             Self::Folder(folder) => folder.join(source.file_name().unwrap_or_default()).with_extension("png"),
         };
-        let picture = annotate(frame, task.camera(), detection, task.targets(), targets);
+        let picture = annotate(frame, task.camera(), overlay);
         picture.save(&path).map_err(|error| {
             let detail =
                 format!("{}: {error} (annotated frames are written as PNG, BMP, TIFF, WebP or PNM)", path.display());

@@ -1,0 +1,143 @@
+//! Frames in every form in which they may come.
+
+use reqwest::multipart::{Form, Part};
+use reqwest::{Method, StatusCode};
+use serde_json::{Value, json};
+use skypose::scene::encode;
+use skypose::scene::models::{demo_camera, wing};
+use skypose::shell::wire::{CameraWire, TargetWire};
+
+use crate::station::{Station, assert_true_pose, frame, jpeg, read};
+
+const QUERY: &str = "/v1/estimates?camera=demo&target=wing-six";
+
+fn names(reply: &Value) -> Vec<String> {
+    let mut names: Vec<String> = reply["centroids"]
+        .as_array()
+        .expect("centroids")
+        .iter()
+        .filter_map(|c| Some(c["marker"].as_str()?.to_owned()))
+        .collect();
+    names.sort();
+    names
+}
+
+#[tokio::test]
+async fn a_jpeg_body_with_stored_names_gives_the_pose() {
+    let station = Station::equipped().await;
+    let reply = station.post_bytes(&format!("{QUERY}&timestamp_us=1700000000000000&id=7"), "image/jpeg", jpeg()).await;
+    assert_eq!(reply.status, StatusCode::OK, "{reply:?}");
+    assert_eq!(reply.json["frame"], json!({"width": 1280, "height": 720, "timestamp_us": 1_700_000_000_000_000_i64}));
+    assert_eq!(reply.json["id"], "7");
+    let target = &reply.json["targets"][0];
+    assert_eq!(
+        (&target["name"], &target["detected"], &target["reason"]),
+        (&json!("wing-six"), &json!(true), &Value::Null)
+    );
+    assert_true_pose(&target["pose"]);
+    assert_eq!(names(&reply.json), ["left", "mid", "nose", "right", "tail", "tip"]);
+    for stage in ["decode", "detect", "identify", "solve", "total"] {
+        assert!(reply.json["timing_us"][stage].is_u64(), "{stage}");
+    }
+}
+
+#[tokio::test]
+async fn a_form_with_objects_gives_the_same() {
+    let station = Station::start().await;
+    let request = json!({
+        "camera": CameraWire::from(&demo_camera()), "targets": [TargetWire::from(&wing().target)],
+        "detector": {"method": "color"}, "solver": "auto", "timestamp_us": 12
+    });
+    let form = Form::new()
+        .part("frame", Part::bytes(jpeg()).file_name("frame.jpg").mime_str("image/jpeg").expect("a type"))
+        .part("request", Part::text(request.to_string()).mime_str("application/json").expect("a type"));
+    let reply = read(station.request(Method::POST, "/v1/estimates").multipart(form)).await;
+    assert_eq!(reply.status, StatusCode::OK, "{reply:?}");
+    assert_true_pose(&reply.json["targets"][0]["pose"]);
+}
+
+#[tokio::test]
+async fn lossless_and_raw_frames_give_the_pose_too() {
+    let station = Station::equipped().await;
+    let rgb = frame().rgb().into_owned();
+    let bgr: Vec<u8> = rgb.chunks_exact(3).flat_map(|p| [p[2], p[1], p[0]]).collect();
+    let ppm = [b"P6\n1280 720\n255\n".as_slice(), &rgb].concat();
+    let raw = |format: &str| format!("{QUERY}&width=1280&height=720&format={format}");
+    for (path, content_type, body) in [
+        (QUERY.to_owned(), "image/png", encode::png(frame()).expect("encodes")),
+        (QUERY.to_owned(), "image/x-portable-pixmap", ppm),
+        (raw("rgb8"), "application/octet-stream", rgb),
+        (raw("bgr8"), "application/octet-stream", bgr),
+    ] {
+        let reply = station.post_bytes(&path, content_type, body).await;
+        assert_eq!(reply.status, StatusCode::OK, "{content_type}: {reply:?}");
+        assert_true_pose(&reply.json["targets"][0]["pose"]);
+    }
+}
+
+#[tokio::test]
+async fn a_named_method_is_used() {
+    let station = Station::equipped().await;
+    for solver in ["homography", "epnp", "ippe", "p3p"] {
+        let reply = station.post_bytes(&format!("{QUERY}&solver={solver}&refine=false"), "image/jpeg", jpeg()).await;
+        assert_eq!(reply.json["targets"][0]["solver"], solver, "{reply:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_region_finds_what_is_in_it_on_the_whole_frames_coordinates() {
+    let station = Station::equipped().await;
+    let whole = station.post_bytes("/v1/detections", "image/jpeg", jpeg()).await;
+    let one = &whole.json["centroids"][0];
+    let (u, v) = (one["u_px"].as_f64().expect("u"), one["v_px"].as_f64().expect("v"));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
+    let (x, y) = (u as u32 - 30, v as u32 - 30);
+    let part = station.post_bytes(&format!("/v1/detections?region_px={x},{y},60,60"), "image/jpeg", jpeg()).await;
+    let found = &part.json["centroids"][0];
+    assert!((found["u_px"].as_f64().expect("u") - u).abs() < 0.1, "{part:?}");
+    assert!((found["v_px"].as_f64().expect("v") - v).abs() < 0.1, "{part:?}");
+}
+
+#[tokio::test]
+async fn an_empty_sky_is_an_answer() {
+    let station = Station::equipped().await;
+    let sky = skypose::scene::render::Sky::fair(5, [0.0; 2]);
+    let behind = skypose::geometry::CameraFromTarget::new(
+        nalgebra::Rotation3::identity(),
+        nalgebra::Vector3::new(0.0, 0.0, -5.0),
+    );
+    let optics = skypose::scene::render::Optics::default();
+    let mut rng = skypose::random::named("empty sky");
+    let frame = skypose::scene::render::render(&demo_camera(), &behind, &wing(), &sky, &optics, &mut rng);
+    let reply = station.post_bytes(QUERY, "image/jpeg", encode::jpeg(&frame, 90).expect("encodes")).await;
+    assert_eq!(reply.status, StatusCode::OK);
+    let target = &reply.json["targets"][0];
+    assert_eq!((&target["detected"], &target["pose"]), (&json!(false), &Value::Null));
+    assert_eq!(target["reason"], "too_few_points");
+}
+
+#[tokio::test]
+async fn the_thesis_preset_and_refused_blobs_are_served() {
+    let station = Station::start().await;
+    let reply = station.post_bytes("/v1/detections?method=color&preset=thesis", "image/jpeg", jpeg()).await;
+    assert!(reply.json["centroids"].as_array().expect("centroids").len() >= 6, "{reply:?}");
+    let reply = station.post_bytes("/v1/detections?max_area_ratio=0.00001", "image/jpeg", jpeg()).await;
+    let refused = reply.json["refused"].as_array().expect("refused");
+    assert!(refused.iter().any(|blob| blob["reason"] == "too_large"), "{reply:?}");
+}
+
+#[tokio::test]
+async fn two_targets_are_told_apart() {
+    let station = Station::equipped().await;
+    let mut other = json!(TargetWire::from(&wing().target));
+    other["name"] = json!("other");
+    for (index, shift) in [0.11, -0.07, 0.05, -0.13, 0.09, -0.05].into_iter().enumerate() {
+        let x = other["markers"][index]["position_m"][0].as_f64().expect("x");
+        other["markers"][index]["position_m"][0] = json!(x + shift);
+    }
+    station.put("/v1/targets/other", &other).await;
+    let reply = station.post_bytes("/v1/estimates?camera=demo&target=other,wing-six", "image/jpeg", jpeg()).await;
+    assert_eq!(reply.json["targets"][0]["pose"], Value::Null, "{reply:?}");
+    assert_true_pose(&reply.json["targets"][1]["pose"]);
+    assert!(reply.json["centroids"].as_array().expect("list").iter().all(|c| c["target"] != "other"));
+}
