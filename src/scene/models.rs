@@ -75,6 +75,7 @@ pub fn demo_camera() -> Camera {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels in view")]
 mod tests {
     use super::*;
     use crate::geometry::{CameraFromTarget, Point};
@@ -91,7 +92,7 @@ mod tests {
         // Bare sky is black: around each marker there must be a ring of airframe.
         let pose = CameraFromTarget::new(nalgebra::Rotation3::identity(), Vector3::new(0.0, 0.0, 1.5));
         let camera = demo_camera();
-        let model = Model { paint: Vec::new(), marker_rgb: [176, 180, 184], ..wing() };
+        let model = Model { paint: Vec::new(), marker_rgb: wing().body_rgb, ..wing() };
         let frame = render(&camera, &pose, &model, &Sky::plain([0; 3]), &Optics::ideal(), &mut named("margin"));
         let rgb = frame.rgb();
         for marker in wing_six().markers() {
@@ -100,7 +101,7 @@ mod tests {
                 let ring = marker.position.coords + Vector3::new(angle.cos(), angle.sin(), 0.0) * 0.05;
                 let pixel = camera.project(&(pose * Point::from(ring))).expect("in view");
                 let index = (pixel.y.round() as usize * 1280 + pixel.x.round() as usize) * 3;
-                assert_eq!(rgb[index..index + 3], [176, 180, 184], "{} at {step}", marker.id);
+                assert_eq!(rgb[index..index + 3], model.body_rgb, "{} at {step}", marker.id);
             }
         }
     }

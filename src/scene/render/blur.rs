@@ -20,8 +20,7 @@ pub fn through_lens(scene: Radiance, optics: &Optics) -> Radiance {
 /// The mean of the picture on its way from half of `motion_px` before to half of it after.
 fn smeared(scene: Radiance, motion_px: [f64; 2]) -> Radiance {
     let length = motion_px[0].hypot(motion_px[1]);
-    // Also false for NaN.
-    if !(length > 0.0) {
+    if length.is_nan() || length <= 0.0 {
         return scene;
     }
     let motion = motion_px.map(|m| m * (MAX_MOTION_PX / length).min(1.0));
@@ -63,8 +62,7 @@ fn way(motion: [f64; 2]) -> Vec<(isize, isize, f32)> {
 
 /// The picture through a Gaussian, first along its rows, then along its columns.
 fn blurred(scene: Radiance, sigma_px: f64) -> Radiance {
-    // Also false for NaN.
-    if !(sigma_px > 0.05) {
+    if sigma_px.is_nan() || sigma_px <= 0.05 {
         return scene;
     }
     let kernel = gaussian(sigma_px.min(MAX_SIGMA_PX));
@@ -90,7 +88,7 @@ fn blurred(scene: Radiance, sigma_px: f64) -> Radiance {
 }
 
 /// An odd number of weights that sum to one, out to three standard deviations.
-#[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "at most 3 MAX_SIGMA_PX")]
+#[expect(clippy::cast_possible_truncation, reason = "at most 3 MAX_SIGMA_PX")]
 fn gaussian(sigma_px: f64) -> Vec<f32> {
     let reach = (3.0 * sigma_px).ceil() as i32;
     let raw: Vec<f64> = (-reach..=reach).map(|x| (-0.5 * (f64::from(x) / sigma_px).powi(2)).exp()).collect();
@@ -115,6 +113,7 @@ fn clamped(position: usize, offset: isize, length: usize) -> usize {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_precision_loss, reason = "the pictures are small")]
 mod tests {
     use proptest::prelude::*;
 

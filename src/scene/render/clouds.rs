@@ -13,7 +13,7 @@ impl Noise {
         Self { seed }
     }
 
-    /// The random value of a lattice point: SplitMix64 (Steele, Lea and Flood 2014) of seed and place.
+    /// The random value of a lattice point: `SplitMix64` (Steele, Lea and Flood 2014) of seed and place.
     #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     const fn lattice(self, x: i64, y: i64) -> f32 {
         let mut z = self.seed ^ x.cast_unsigned().wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -30,12 +30,12 @@ impl Noise {
         let (left, top) = (x.floor(), y.floor());
         let ease = |t: f64| (t * t * t * (t * (6.0 * t - 15.0) + 10.0)) as f32;
         let (right_share, bottom_share) = (ease(x - left), ease(y - top));
-        let (i, j) = (left as i64, top as i64);
-        let row = |j: i64| {
-            let (a, b) = (self.lattice(i, j), self.lattice(i.wrapping_add(1), j));
-            a + (b - a) * right_share
+        let (column, row) = (left as i64, top as i64);
+        let along = |row: i64| {
+            let (from, to) = (self.lattice(column, row), self.lattice(column.wrapping_add(1), row));
+            from + (to - from) * right_share
         };
-        let (upper, lower) = (row(j), row(j.wrapping_add(1)));
+        let (upper, lower) = (along(row), along(row.wrapping_add(1)));
         upper + (lower - upper) * bottom_share
     }
 
@@ -63,6 +63,7 @@ pub fn smooth_step(from: f32, to: f32, value: f32) -> f32 {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "the same numbers in, the same out")]
 mod tests {
     use proptest::prelude::*;
 

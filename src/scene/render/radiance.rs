@@ -133,6 +133,7 @@ fn cell(middle: Normalized, by_pixel: Matrix2<f64>, reach_px: f64) -> Cell {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_precision_loss, reason = "1024 at most")]
 mod tests {
     use super::*;
 

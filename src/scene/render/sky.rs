@@ -132,8 +132,8 @@ const GRID_PX: usize = 4;
 
 impl Layout {
     fn of(width: usize, height: usize, ground: Option<Ground>) -> Self {
-        // Also 1 for NaN.
-        let ratio = ground.map_or(1.0, |ground| ground.horizon_ratio).max(-10.0).min(10.0);
+        let ratio = ground.map_or(1.0, |ground| ground.horizon_ratio);
+        let ratio = if ratio.is_nan() { 1.0 } else { ratio.clamp(-10.0, 10.0) };
         Self { width, height, horizon_px: px(height) * ratio }
     }
 
@@ -192,7 +192,7 @@ impl Clouds {
 
 impl Ground {
     fn paint(&self, layout: &Layout, haze: Light, light: &mut [Light]) {
-        let noise = Noise::new(self.seed ^ 0x6E75_6F72_67);
+        let noise = Noise::new(self.seed ^ 0x0067_726F_756E);
         let near = of_srgb(self.rgb);
         let size = px(layout.height);
         let skyline: Vec<f64> = (0..layout.width)
@@ -269,6 +269,8 @@ const fn single(value: f64) -> f32 {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_precision_loss, reason = "the pictures are small")]
+#[expect(clippy::float_cmp, reason = "light that was copied, not computed")]
 mod tests {
     use super::*;
 
@@ -292,8 +294,8 @@ mod tests {
         let covered = |cover_ratio: f64| {
             let clouds = Some(Clouds { seed: 3, cover_ratio, drift: [0.0; 2] });
             let clear = Sky::plain([20, 40, 120]).paint(200, 150);
-            let cloudy = Sky { clouds, ..Sky::plain([20, 40, 120]) }.paint(200, 150);
-            clear.iter().zip(&cloudy).filter(|(a, b)| b[0] - a[0] > 0.1).count() as f64 / 30_000.0
+            let overcast = Sky { clouds, ..Sky::plain([20, 40, 120]) }.paint(200, 150);
+            clear.iter().zip(&overcast).filter(|(a, b)| b[0] - a[0] > 0.1).count() as f64 / 30_000.0
         };
         assert!(covered(0.0) < 0.05 && covered(1.0) > 0.95, "{} {}", covered(0.0), covered(1.0));
         assert!((covered(0.5) - 0.5).abs() < 0.25, "{}", covered(0.5));

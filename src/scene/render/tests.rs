@@ -1,5 +1,8 @@
 //! The rendered frame against geometry.
 
+#![expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "the pictures are small")]
+#![expect(clippy::float_cmp, reason = "light that was copied, not computed")]
+
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
 use rand::RngExt;
@@ -65,26 +68,26 @@ proptest! {
 
     #[test]
     fn the_centroid_of_a_rendered_disc_is_that_of_the_camera(
-        lens in 0..REAL.len(), index in 0_usize..6, tilt in 0.0..1.1, turn in 0.0..6.28, spin in 0.0..6.28,
+        lens in 0..REAL.len(), index in 0_usize..6, tilt in 0.0..1.1, turn in 0.0..6.2, spin in 0.0..6.2,
         x in -0.2..0.2, y in -0.15..0.15, z in 0.7..1.3
     ) {
-        let camera = small_camera(REAL[lens]);
+        // Discs of 7 to 30 px radius: pixels that average over a sharp edge place it to some 1e-3 px at random, the less the
+        // larger the disc.
+        let camera = Camera::checked([640, 480], [600.0; 2], [321.3, 235.2], REAL[lens]).expect("a camera");
         let pose = tilted(tilt, turn, spin, [x * z, y * z, z]);
         let model = glowing_alone(index);
         let marker = truth(&camera, &pose, &model)[index];
-        prop_assume!(marker.sight == Sight::Whole);
+        prop_assume!(marker.sight == Sight::Whole && marker.area_px > 300.0);
         let picture = Radiance::of(&camera, &pose, &model, &Sky::plain([0; 3]), 16);
-        let (area, found) = blob(&picture, &marker.centroid.expect("seen"), 11.0);
-        // A disc of 2 to 6 px radius. Pixels that average over a sharp edge place it to 0.003 px on average; the worst is
-        // held here.
+        let (area, found) = blob(&picture, &marker.centroid.expect("seen"), 60.0);
         let error = found - marker.centroid.expect("seen");
-        prop_assert!(error.norm() < 0.02, "{error}");
-        prop_assert!((area / marker.area_px - 1.0).abs() < 0.01, "{area} for {}", marker.area_px);
+        prop_assert!(error.norm() < 0.01, "{error}");
+        prop_assert!((area / marker.area_px - 1.0).abs() < 0.005, "{area} for {}", marker.area_px);
     }
 
     #[test]
     fn cutting_the_picture_into_squares_changes_nothing(
-        lens in 0..REAL.len(), tilt in 0.0..1.4, turn in 0.0..6.28, spin in 0.0..6.28,
+        lens in 0..REAL.len(), tilt in 0.0..1.4, turn in 0.0..6.2, spin in 0.0..6.2,
         x in -0.6..0.6, y in -0.5..0.5, z in 0.15..2.5
     ) {
         // The slow obvious way: every ray of every pixel.
@@ -93,7 +96,7 @@ proptest! {
         let model = models::wing();
         let fast = Radiance::of(&camera, &pose, &model, &Sky::plain([0; 3]), 2);
         let surfaces = Surfaces::of(&model, &pose);
-        let mut differ = 0;
+        let (mut differ, mut worst) = (0, 0.0_f32);
         for (i, light) in fast.light.iter().enumerate() {
             let mut sum = [0.0_f32; 3];
             for offset in offsets(2) {
@@ -102,10 +105,13 @@ proptest! {
                 let light = surfaces.light_of(seen, [0.0; 3]);
                 (0..3).for_each(|c| sum[c] += 0.25 * light[c]);
             }
-            differ += usize::from((0..3).any(|c| (sum[c] - light[c]).abs() > 1e-4));
+            let difference = (0..3).map(|c| (sum[c] - light[c]).abs()).fold(0.0, f32::max);
+            differ += usize::from(difference > 1e-4);
+            worst = worst.max(difference);
         }
-        // The lens is taken as linear within a pixel, so a ray that all but touches an edge may miss it.
-        prop_assert!(differ <= 4, "{differ} pixels differ");
+        // The lens is taken as linear within a pixel, to 1e-3 px, so of the thousands of rays near an edge a few see its
+        // other side; a square that was filled wrongly would show as whole pixels.
+        prop_assert!(differ <= 40 && worst < 0.3, "{differ} pixels differ by up to {worst}");
     }
 }
 

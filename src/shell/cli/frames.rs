@@ -240,12 +240,12 @@ fn answer(path: &Path, task: &FrameTask, terms: &Terms, kind: Kind, pictures: &P
     match kind {
         Kind::Detection => {
             let (frame, detection, timing) = task.detected(&bytes, terms)?;
-            pictures.write(path, &frame, task, &Overlay::of_detection(&detection))?;
+            pictures.write(path, &frame, task, &Overlay::of(&detection, &[], &[]))?;
             serde_json::to_value(task.detection_reply(&frame, &detection, timing)).map_err(internal)
         }
         Kind::Estimate => {
             let (frame, estimate, timing) = task.estimated(&bytes, terms)?;
-            pictures.write(path, &frame, task, &Overlay::of(task.targets(), &estimate))?;
+            pictures.write(path, &frame, task, &Overlay::of(&estimate.detection, task.targets(), &estimate.targets))?;
             serde_json::to_value(task.estimate_reply(&frame, &estimate, timing)).map_err(internal)
         }
     }
