@@ -71,8 +71,8 @@ proptest! {
         lens in 0..REAL.len(), index in 0_usize..6, tilt in 0.0..1.1, turn in 0.0..6.2, spin in 0.0..6.2,
         x in -0.2..0.2, y in -0.15..0.15, z in 0.7..1.3
     ) {
-        // Discs of 7 to 30 px radius: pixels that average over a sharp edge place it to some 1e-3 px at random, the less the
-        // larger the disc.
+        // Discs of 7 to 30 px radius. Rays at random from a sharp edge place it to 1e-3 px, and once in some thousands, where
+        // an edge runs along the lattice of the rays, to 1e-2 px.
         let camera = Camera::checked([640, 480], [600.0; 2], [321.3, 235.2], REAL[lens]).expect("a camera");
         let pose = tilted(tilt, turn, spin, [x * z, y * z, z]);
         let model = glowing_alone(index);
@@ -81,7 +81,7 @@ proptest! {
         let picture = Radiance::of(&camera, &pose, &model, &Sky::plain([0; 3]), 16);
         let (area, found) = blob(&picture, &marker.centroid.expect("seen"), 60.0);
         let error = found - marker.centroid.expect("seen");
-        prop_assert!(error.norm() < 0.01, "{error}");
+        prop_assert!(error.norm() < 0.02, "{error}");
         prop_assert!((area / marker.area_px - 1.0).abs() < 0.005, "{area} for {}", marker.area_px);
     }
 
