@@ -1,7 +1,7 @@
 //! One picture: decoding within limits, raw pixel formats, region of interest, orientation.
 //!
 //! A frame holds its samples in the colour space in which they came, because converting costs as much as detecting:
-//! JPEG stays YCbCr (full range, BT.601) where the caller can use that, everything else is RGB or luma.
+//! JPEG stays `YCbCr` (full range, BT.601) where the caller can use that, everything else is RGB or luma.
 
 pub mod bayer;
 pub mod color;

@@ -82,7 +82,9 @@ impl PoseAnswer {
             .filter(|estimate| is_possible(&estimate.camera_from_target))
             .collect();
         let total: f64 = possible.iter().map(|estimate| estimate.probability).sum();
-        possible.iter_mut().for_each(|estimate| estimate.probability /= total);
+        for estimate in &mut possible {
+            estimate.probability /= total;
+        }
         let mut possible = possible.into_iter();
         let best = possible.next().ok_or_else(|| {
             NoPose::DegenerateGeometry(

@@ -2,6 +2,13 @@
 //!
 //! Every scene has a name for a seed, so a failure can be looked at again: `random::case(NAME, index)`.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test says what it takes for granted, and shows its figures"
+)]
+
 use skypose::camera::Camera;
 use skypose::geometry::{CameraFromTarget, rotation::angle_between_rad};
 use skypose::pose::{PoseAnswer, PoseEstimate, PoseOptions, estimate_pose, estimate_pose_robustly};
@@ -138,7 +145,7 @@ fn tally(name: &str, count: u32, noise_px: f64, draw: impl Fn(&mut rand_chacha::
         tally.answered += 1;
         tally.truth_among_all += u32::from(all(&answer).any(|e| !is_flip(e, &case)));
         tally.flips += u32::from(is_flip(&answer.best, &case));
-        if !std::ptr::eq(nearest(&answer, &case), &answer.best) {
+        if !std::ptr::eq(nearest(&answer, &case), &raw const answer.best) {
             continue;
         }
         let nees = nees(&answer.best, &case);

@@ -1,5 +1,12 @@
 //! The committed API document is the one that the code generates.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test says what it takes for granted, and shows its figures"
+)]
+
 use std::path::Path;
 
 #[test]

@@ -1,5 +1,12 @@
 //! What is handed to those who run the service says what the program does.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test says what it takes for granted, and shows its figures"
+)]
+
 use std::fs;
 use std::path::Path;
 

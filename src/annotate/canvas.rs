@@ -56,7 +56,7 @@ impl Box {
     }
 }
 
-/// The nearest whole number, held where sums of a few cannot overflow; 0 for NaN.
+/// The nearest whole number, held where sums of a few cannot overflow; 0 for `NaN`.
 #[expect(clippy::cast_possible_truncation, reason = "clamped")]
 pub(super) const fn whole(value: f64) -> i32 {
     value.clamp(-1e8, 1e8).round() as i32

@@ -43,6 +43,8 @@ fn least_aligned_axis(v: &Vector3<f64>) -> Vector3<f64> {
 mod tests {
     use proptest::prelude::*;
 
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::camera::distortion::tests::REAL;
 
@@ -52,8 +54,7 @@ mod tests {
         let y = normal.cross(&x);
         let (rings, spokes) = (60, 120);
         let at = |ring: f64, spoke: f64| {
-            let (radius, angle) =
-                (radius_m * ring / f64::from(rings), std::f64::consts::TAU * spoke / f64::from(spokes));
+            let (radius, angle) = (radius_m * ring / f64::from(rings), TAU * spoke / f64::from(spokes));
             let p = centre + (x * angle.cos() + y * angle.sin()) * radius;
             camera.project(&Point::from(p)).expect("in view")
         };
@@ -76,7 +77,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(40))]
         #[test]
         fn the_centroid_is_that_of_the_images_area(
-            lens in 0..REAL.len(), x in -0.3..0.3, y in -0.2..0.2, z in 0.6..3.0, tilt in 0.0..1.2_f64, turn in 0.0..6.28
+            lens in 0..REAL.len(), x in -0.3..0.3, y in -0.2..0.2, z in 0.6..3.0, tilt in 0.0..1.2_f64, turn in 0.0..TAU
         ) {
             let camera = Camera::checked([1280, 720], [1100.0; 2], [640.0, 360.0], REAL[lens]).expect("a camera");
             let centre = Vector3::new(x * z, y * z, z);

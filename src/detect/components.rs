@@ -129,7 +129,6 @@ pub fn bounds(runs: &[Run]) -> Region {
 
 /// Mean position of the pixels.
 #[must_use]
-#[expect(clippy::cast_precision_loss, reason = "areas stay below 2^52")]
 pub fn mean_position(runs: &[Run]) -> (f64, f64) {
     let (mut count, mut sum_x, mut sum_y) = (0.0, 0.0, 0.0);
     for run in runs {
@@ -236,7 +235,8 @@ pub(crate) mod tests {
                 })
                 .collect();
             let connectivity = if eight { Connectivity::Eight } else { Connectivity::Four };
-            let window = Region { x: 0, y: 0, width: width as u32, height: rows as u32 };
+            let side = |length: usize| u32::try_from(length).expect("a small mask");
+            let window = Region { x: 0, y: 0, width: side(width), height: side(rows) };
             let fast: Vec<_> =
                 Components::of(&mask, width, window, 1, connectivity).iter().map(pixels).collect();
             prop_assert_eq!(fast, slow_components(&mask, width, connectivity));

@@ -161,7 +161,9 @@ mod tests {
             let mut expected = vec![0; mask.pixels.len()];
             for piece in slow_components(&mask.pixels, mask.width, Connectivity::Eight) {
                 if piece.len() >= least {
-                    piece.iter().for_each(|(x, y)| expected[y * mask.width + x] = 1);
+                    for (x, y) in piece {
+                        expected[y * mask.width + x] = 1;
+                    }
                 }
             }
             prop_assert_eq!(opened.pixels, expected);

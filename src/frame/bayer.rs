@@ -93,11 +93,12 @@ fn beside(at: &impl Fn(isize, isize) -> i32) -> u8 {
     let diagonal = at(-1, -1) + at(1, -1) + at(-1, 1) + at(1, 1);
     let along = at(-2, 0) + at(2, 0);
     let across = at(0, -2) + at(0, 2);
-    clamp8((10 * at(0, 0) + 8 * (at(-1, 0) + at(1, 0)) - 2 * diagonal - 2 * along + across) / 2)
+    let sixteenths = 10 * at(0, 0) + 8 * (at(-1, 0) + at(1, 0)) - 2 * diagonal - 2 * along + across;
+    clamp8(sixteenths / 2)
 }
 
 /// From eighths, rounded and clamped.
-#[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "clamped to 0..=255")]
+#[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 fn clamp8(eighths: i32) -> u8 {
     ((eighths + 4) >> 3).clamp(0, 255) as u8
 }

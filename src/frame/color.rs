@@ -1,6 +1,6 @@
 //! Conversions between colour spaces, full range BT.601 as in JFIF.
 
-/// Interleaved YCbCr to interleaved RGB, rounded to nearest.
+/// Interleaved `YCbCr` to interleaved RGB, rounded to nearest.
 #[must_use]
 pub fn ycbcr_to_rgb(samples: &[u8]) -> Vec<u8> {
     let mut rgb = Vec::with_capacity(samples.len());
@@ -10,7 +10,7 @@ pub fn ycbcr_to_rgb(samples: &[u8]) -> Vec<u8> {
     rgb
 }
 
-/// One pixel from YCbCr to RGB.
+/// One pixel from `YCbCr` to RGB.
 #[must_use]
 pub fn rgb_of_ycbcr([y, cb, cr]: [u8; 3]) -> [u8; 3] {
     // 16 fraction bits: 1.402, 0.344136, 0.714136, 1.772.
@@ -23,7 +23,7 @@ pub fn rgb_of_ycbcr([y, cb, cr]: [u8; 3]) -> [u8; 3] {
     ]
 }
 
-/// One pixel from RGB to YCbCr.
+/// One pixel from RGB to `YCbCr`.
 #[must_use]
 pub fn ycbcr_of_rgb([r, g, b]: [u8; 3]) -> [u8; 3] {
     let (r, g, b) = (i32::from(r), i32::from(g), i32::from(b));
@@ -36,7 +36,7 @@ pub fn ycbcr_of_rgb([r, g, b]: [u8; 3]) -> [u8; 3] {
     ]
 }
 
-#[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "clamped to 0..=255")]
+#[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 fn clamp(value: i32) -> u8 {
     value.clamp(0, 255) as u8
 }

@@ -39,7 +39,7 @@ impl Limits {
 /// Which colour space the caller can work in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// Whatever the file holds: YCbCr from a colour JPEG.
+    /// Whatever the file holds: `YCbCr` from a colour JPEG.
     Native,
     /// RGB (or luma, where there is no colour).
     Rgb,
@@ -170,7 +170,7 @@ pub enum FrameError {
 }
 
 impl Frame {
-    /// A frame from the bytes of a JPEG, PNG, WebP, BMP, TIFF or PNM file. What the file is, its first bytes decide, not a
+    /// A frame from the bytes of a JPEG, PNG, `WebP`, BMP, TIFF or PNM file. What the file is, its first bytes decide, not a
     /// name or a content type. An alpha channel is dropped; 16 bits are reduced to 8.
     ///
     /// # Errors
@@ -180,10 +180,10 @@ impl Frame {
             return Err(FrameError::Empty);
         }
         let frame = if bytes.starts_with(&[0xFF, 0xD8, 0xFF]) {
-            jpeg::decode(bytes, decoding.wanted, &decoding.limits)?
+            jpeg::decode(bytes, decoding.wanted, decoding.limits)?
         } else {
             let (format, name) = recognise(bytes)?;
-            decode_with_image(bytes, format, name, &decoding.limits)?
+            decode_with_image(bytes, format, name, decoding.limits)?
         };
         Ok(if decoding.apply_orientation { frame.upright() } else { frame })
     }
@@ -207,7 +207,7 @@ fn decode_with_image(
     bytes: &[u8],
     format: ImageFormat,
     name: &'static str,
-    limits: &Limits,
+    limits: Limits,
 ) -> Result<Frame, FrameError> {
     let failed = |e: image::ImageError| match e {
         image::ImageError::IoError(io) if io.kind() == std::io::ErrorKind::UnexpectedEof => {
@@ -251,7 +251,9 @@ mod tests {
 
     /// A smooth picture with colour, so that JPEG keeps it.
     fn picture() -> RgbImage {
-        RgbImage::from_fn(48, 32, |x, y| image::Rgb([(40 + 3 * x) as u8, (200 - 4 * y) as u8, (90 + x + y) as u8]))
+        RgbImage::from_fn(48, 32, |x, y| {
+            image::Rgb([40 + 3 * x, 200 - 4 * y, 90 + x + y].map(|v| u8::try_from(v).expect("a sample")))
+        })
     }
 
     fn encoded(format: ImageFormat) -> Vec<u8> {

@@ -18,7 +18,7 @@ struct Header {
     scan: usize,
 }
 
-pub(super) fn decode(bytes: &[u8], wanted: Wanted, limits: &Limits) -> Result<Frame, FrameError> {
+pub(super) fn decode(bytes: &[u8], wanted: Wanted, limits: Limits) -> Result<Frame, FrameError> {
     let header = read_header(bytes).ok_or_else(|| corrupt("its header is incomplete or malformed"))?;
     limits.check_size(header.width, header.height)?;
     // Entropy-coded data cannot hold this marker, so its absence proves that the end is missing. The decoder would fill

@@ -72,7 +72,7 @@ impl Frame {
         width: u32,
         height: u32,
         bytes: &[u8],
-        limits: &Limits,
+        limits: Limits,
     ) -> Result<Self, FrameError> {
         limits.check_size(width, height)?;
         let (even_width, even_height) = format.needs_even();
@@ -134,7 +134,7 @@ const fn full_range_luma(y: u8) -> u8 {
 }
 
 /// 16..240 about 128 to 0..255 about 128.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
+#[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 fn full_range_chroma(c: u8) -> u8 {
     let offset = i32::from(c) - 128;
     (128 + (offset * 255 + 112 * offset.signum()) / 224).clamp(0, 255) as u8
@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     fn rgb(format: RawFormat, width: u32, height: u32, bytes: &[u8]) -> Vec<u8> {
-        Frame::from_raw(format, width, height, bytes, &Limits::default()).expect("a good frame").rgb().into_owned()
+        Frame::from_raw(format, width, height, bytes, Limits::default()).expect("a good frame").rgb().into_owned()
     }
 
     #[test]
@@ -172,13 +172,13 @@ mod tests {
 
     #[test]
     fn a_wrong_number_of_bytes_is_refused_with_both_numbers() {
-        let refused = Frame::from_raw(RawFormat::Nv12, 4, 2, &[0; 11], &Limits::default()).expect_err("11 bytes");
+        let refused = Frame::from_raw(RawFormat::Nv12, 4, 2, &[0; 11], Limits::default()).expect_err("11 bytes");
         assert_eq!(refused.to_string(), "nv12 of 4 x 2 px is 12 bytes, not 11");
     }
 
     #[test]
     fn odd_sizes_are_refused_where_colour_is_shared_between_neighbours() {
-        let refused = |format, w, h| Frame::from_raw(format, w, h, &[0; 15], &Limits::default());
+        let refused = |format, w, h| Frame::from_raw(format, w, h, &[0; 15], Limits::default());
         assert!(matches!(refused(RawFormat::Yuyv, 3, 2), Err(FrameError::OddSize { .. })));
         assert!(matches!(refused(RawFormat::Nv12, 4, 3), Err(FrameError::OddSize { .. })));
         assert!(matches!(refused(RawFormat::Bayer(Mosaic::Rggb), 5, 3), Err(FrameError::OddSize { .. })));

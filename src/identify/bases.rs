@@ -77,7 +77,9 @@ fn spread(count: usize, triples: &[[usize; 3]]) -> Vec<[usize; 3]> {
     while chosen.len() < MAX_BASES.min(triples.len()) {
         let wear = |triple: &[usize; 3]| triple.iter().map(|i| used[*i]).sum::<usize>();
         let Some(next) = triples.iter().filter(|t| !chosen.contains(t)).min_by_key(|t| wear(t)) else { break };
-        next.iter().for_each(|i| used[*i] += 1);
+        for i in next {
+            used[*i] += 1;
+        }
         chosen.push(*next);
     }
     chosen
@@ -104,7 +106,7 @@ fn base(target: &Target, markers: [usize; 3]) -> Base {
         None,
         |side: Option<f64>, facing| {
             let sign = facing.filter(|f| f.abs() > 0.5)?.signum();
-            side.is_none_or(|s| s == sign).then_some(Some(sign))
+            side.is_none_or(|s| s * sign > 0.0).then_some(Some(sign))
         },
     );
     let turn = seen_from.flatten().zip(doubled_area).map(|(side, area)| -side * area.signum());

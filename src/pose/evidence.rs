@@ -104,10 +104,10 @@ mod tests {
 
     #[test]
     fn quantiles_agree_with_the_tables() {
-        // Abramowitz and Stegun, table 26.8, at 0.999.
+        // Abramowitz and Stegun, table 26.8, at 0.999. Wilson and Hilferty's cube is 2.3 % off at two degrees and less at more.
         for (freedom, tabulated) in [(2.0, 13.816), (6.0, 22.458), (30.0, 59.703)] {
             let found = chi_square_quantile(freedom, 3.0902);
-            assert!((found / tabulated - 1.0).abs() < 0.015, "{freedom}: {found}");
+            assert!((found / tabulated - 1.0).abs() < 0.025, "{freedom}: {found}");
         }
     }
 }

@@ -57,7 +57,7 @@ pub fn jpeg(frame: &Frame, quality: u8) -> Result<Vec<u8>, EncodeError> {
     Ok(bytes)
 }
 
-/// The frame as a PNG. What was YCbCr becomes RGB, everything else is kept to the bit.
+/// The frame as a PNG. What was `YCbCr` becomes RGB, everything else is kept to the bit.
 ///
 /// # Errors
 /// [`EncodeError::Failed`] if the encoder gives up.

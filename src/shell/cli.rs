@@ -26,6 +26,11 @@ struct Cli {
     command: Command,
 }
 
+const POSE_EXAMPLE: &str = r#"Example:
+  echo '{"camera": {"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 320, "cy": 240},
+         "object_points_m": [[0,0,0],[1,0,0],[1,1,0],[0,1,0]],
+         "image_points_px": [[320,240],[440,240],[440,360],[320,360]]}' | skypose pose"#;
+
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Serve detections, estimates and poses over HTTP.
@@ -35,11 +40,7 @@ enum Command {
     /// Find targets and their poses in frames: one JSON reply a line.
     Estimate(frames::Estimate),
     /// Compute poses from points: JSON requests on standard input, one a line, to JSON replies on standard output.
-    ///
-    /// Example: echo '{"camera": {"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 320, "cy": 240},
-    /// "object_points_m": [[0,0,0],[1,0,0],[1,1,0],[0,1,0]],
-    /// "image_points_px": [[320,240],[440,240],[440,360],[320,360]]}' | skypose pose
-    #[command(verbatim_doc_comment)]
+    #[command(after_help = POSE_EXAMPLE)]
     Pose(points::Pose),
     /// Print the API document (OpenAPI, JSON).
     Openapi,
@@ -118,7 +119,7 @@ pub fn run() -> ExitCode {
         Ok(()) | Err(Stop::NobodyReads) => ExitCode::SUCCESS,
         Err(Stop::SomeFailed) => ExitCode::from(2),
         Err(Stop::Fault(fault)) => {
-            eprintln!("skypose: {fault}");
+            super::console::complain(&fault.to_string());
             ExitCode::from(if fault.kind == FaultKind::Internal { 1 } else { 2 })
         }
     }

@@ -18,6 +18,11 @@ pub fn progress(total: usize, what: &'static str) -> ProgressBar {
     bar
 }
 
+/// Writes what went wrong to standard error, where there still is one.
+pub fn complain(what: &str) {
+    _ = writeln!(io::stderr(), "skypose: {what}");
+}
+
 /// Writes a line to standard output.
 ///
 /// # Errors

@@ -75,7 +75,6 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 }
 
 /// The whole door as a tower service.
-#[must_use]
 pub fn router(app: App) -> Router {
     let (working, _) = routes().split_for_parts();
     let (watching, _) = watch_routes().split_for_parts();

@@ -1,5 +1,12 @@
 //! The HTTP door, knocked at by a real client over a real socket.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test says what it takes for granted, and shows its figures"
+)]
+
 mod api;
 mod faults;
 mod frames;

@@ -31,7 +31,7 @@ pub(super) fn score(frame: &Frame, region: Region, hue: &HueRange) -> Option<Vec
 fn score_row(samples: &[u8], [a, b]: [QuantizedForm; 2], scores: &mut [u8]) {
     for (pixel, score) in samples.as_chunks::<3>().0.iter().zip(scores) {
         let least = a.of(*pixel).min(b.of(*pixel));
-        #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "clamped to 0..=255")]
+        #[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
         let clamped = (least >> Form::BITS).clamp(0, 255) as u8;
         *score = clamped;
     }
@@ -75,6 +75,7 @@ impl Form {
 }
 
 impl QuantizedForm {
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
     fn of(self, pixel: [u8; 3]) -> i32 {
         self.weights[0] * i32::from(pixel[0])
@@ -95,8 +96,8 @@ mod tests {
         #[test]
         fn both_colour_spaces_score_alike_and_as_the_formula_says(pixels in proptest::collection::vec(any::<[u8; 3]>(), 1..40)) {
             let frame = |pixels| {
-                let samples = |p: &Pixels| match p { Pixels::Rgb(s) | Pixels::YCbCr(s) | Pixels::Luma(s) => s.len() as u32 / 3 };
-                Frame::checked(samples(&pixels), 1, pixels, Coding::LOSSLESS).expect("a row")
+                let samples = |p: &Pixels| match p { Pixels::Rgb(s) | Pixels::YCbCr(s) | Pixels::Luma(s) => s.len() / 3 };
+                Frame::checked(u32::try_from(samples(&pixels)).expect("a row"), 1, pixels, Coding::LOSSLESS).expect("a row")
             };
             let rgb = frame(Pixels::Rgb(pixels.concat()));
             let native = frame(Pixels::YCbCr(pixels.iter().flat_map(|p| ycbcr_of_rgb(*p)).collect()));

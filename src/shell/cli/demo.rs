@@ -114,7 +114,8 @@ impl Demo {
         };
         let task = FrameTask::for_estimate(request, &mut Lookup::new(None)).await?;
         let (frame, estimate, _) = task.estimated(&shot.jpeg, &Terms::of(&Settings::default()))?;
-        let picture = annotate(&frame, task.camera(), &Overlay::of(&estimate.detection, task.targets(), &estimate.targets));
+        let picture =
+            annotate(&frame, task.camera(), &Overlay::of(&estimate.detection, task.targets(), &estimate.targets));
         let path = self.out.join(format!("{}-{number:03}.jpg", flight.name()));
         let drawn = Frame::from_rgb_image(picture).map_err(internal)?;
         let bytes = encode::jpeg(&drawn, QUALITY).map_err(internal)?;

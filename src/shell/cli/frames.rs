@@ -10,7 +10,7 @@ use super::inputs::{bytes_of, frames_of, json_of};
 use super::pictures::Pictures;
 use super::{SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
-use crate::shell::console::{print_line, progress};
+use crate::shell::console::{complain, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Terms};
 use crate::shell::service::lookup::Lookup;
@@ -22,13 +22,13 @@ use crate::shell::wire::{CameraWire, FrameRequest, Problem, Ref, TargetWire, fro
 /// What both commands take.
 #[derive(Args, Debug)]
 struct Frames {
-    /// Pictures (JPEG, PNG, WebP, BMP, TIFF, PNM), or folders of them.
+    /// Pictures (JPEG, PNG, `WebP`, BMP, TIFF, PNM), or folders of them.
     #[arg(value_name = "FRAME|FOLDER", required_unless_present = "requests")]
     inputs: Vec<PathBuf>,
     /// Read requests instead, one JSON object a line as in the API, each with "frame": "path". `-` is standard input.
     #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
     requests: Option<PathBuf>,
-    /// Take the frames as a sequence: replies carry a frame_index.
+    /// Take the frames as a sequence: replies carry a `frame_index`.
     #[arg(long)]
     sequence: bool,
     /// Draw what was found: a picture for a single frame, a folder for several.
@@ -80,7 +80,7 @@ pub(super) struct Estimate {
 impl Detect {
     pub(super) fn run(self) -> Result<(), Stop> {
         let request = self.frames.request();
-        run(&self.frames, request, Kind::Detection)
+        run(&self.frames, &request, Kind::Detection)
     }
 }
 
@@ -96,7 +96,7 @@ impl Estimate {
             refine: !self.no_refine,
             ..self.frames.request()
         };
-        run(&self.frames, request, Kind::Estimate)
+        run(&self.frames, &request, Kind::Estimate)
     }
 }
 
@@ -194,7 +194,7 @@ struct Failed {
     error: Problem,
 }
 
-fn run(frames: &Frames, request: FrameRequest, kind: Kind) -> Result<(), Stop> {
+fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> {
     let settings = frames.settings.load(Vec::new())?;
     let terms = Terms::of(&settings);
     let runtime = runtime()?;
@@ -203,7 +203,7 @@ fn run(frames: &Frames, request: FrameRequest, kind: Kind) -> Result<(), Stop> {
         None => None,
     };
     let mut lookup = Lookup::new(store.as_ref());
-    let jobs = frames.jobs(&request)?;
+    let jobs = frames.jobs(request)?;
     let pictures = Pictures::new(frames.annotate.as_deref(), jobs.len())?;
     let bar = progress(jobs.len(), "frames");
     let mut failed = false;
@@ -222,7 +222,7 @@ fn run(frames: &Frames, request: FrameRequest, kind: Kind) -> Result<(), Stop> {
         let line = match answer {
             Ok(reply) => to_line(Line { source, frame_index, reply })?,
             Err(fault) => {
-                bar.suspend(|| eprintln!("skypose: {source}: {fault}"));
+                bar.suspend(|| complain(&format!("{source}: {fault}")));
                 failed = true;
                 to_line(Line { source, frame_index, reply: Failed { error: (&fault).into() } })?
             }

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::Value;
 
 use super::{SettingsArgs, Stop, runtime};
-use crate::shell::console::print_line;
+use crate::shell::console::{complain, print_line};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{BatchItem, Terms};
 use crate::shell::service::lookup::Lookup;
@@ -42,7 +42,7 @@ impl Pose {
                 Err(fault) => BatchItem::Failed(None, fault),
             };
             if let BatchItem::Failed(_, fault) = &item {
-                eprintln!("skypose: line {number}: {fault}");
+                complain(&format!("line {number}: {fault}"));
                 failed = true;
             }
             print_line(&json_line(&item.reply(&terms))?)?;

@@ -31,12 +31,11 @@ impl<S> Accept<TcpStream, S> for BoundedAcceptor {
 
     fn accept(&self, stream: TcpStream, service: S) -> Self::Future {
         let place = Arc::clone(&self.places).try_acquire_owned();
-        std::future::ready(match place {
-            Ok(place) => stream.set_nodelay(true).map(|()| (Connection { stream, _place: place }, service)),
-            Err(_) => {
-                metrics::counter!("skypose_shed_total").increment(1);
-                Err(io::Error::other("too many connections"))
-            }
+        std::future::ready(if let Ok(place) = place {
+            stream.set_nodelay(true).map(|()| (Connection { stream, _place: place }, service))
+        } else {
+            metrics::counter!("skypose_shed_total").increment(1);
+            Err(io::Error::other("too many connections"))
         })
     }
 }

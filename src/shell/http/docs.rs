@@ -63,10 +63,10 @@ pub(super) fn add_examples(document: &mut OpenApiDocument) {
                 .build()
         };
         if let Some(RefOr::T(body)) = &mut post.request_body {
-            insert(&mut body.content, name, part("request"));
+            insert(&mut body.content, name, &part("request"));
         }
         if let Some(RefOr::T(ok)) = post.responses.responses.get_mut("200") {
-            insert(&mut ok.content, name, part("reply"));
+            insert(&mut ok.content, name, &part("reply"));
         }
     }
 }
@@ -74,7 +74,7 @@ pub(super) fn add_examples(document: &mut OpenApiDocument) {
 fn insert<'a>(
     contents: impl IntoIterator<Item = (&'a String, &'a mut RefOr<Content>)>,
     name: &str,
-    example: utoipa::openapi::example::Example,
+    example: &utoipa::openapi::example::Example,
 ) {
     for (media, content) in contents {
         if let (true, RefOr::T(content)) = (media == "application/json", content) {

@@ -30,6 +30,9 @@ pub async fn healthz() -> Json<Health> {
 }
 
 /// The service takes requests.
+///
+/// # Errors
+/// [`FaultKind::Overloaded`] while it is stopping, or what keeps its store from being read.
 #[utoipa::path(
     get, path = "/readyz", tag = "Health",
     responses(

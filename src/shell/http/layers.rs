@@ -70,6 +70,7 @@ fn new_id() -> HeaderValue {
 }
 
 /// A panic in a handler becomes a problem; the connection and all others live on.
+#[must_use]
 pub fn catch_panics() -> CatchPanicLayer<fn(Box<dyn Any + Send>) -> Response> {
     CatchPanicLayer::custom(|_: Box<dyn Any + Send>| {
         let detail = "the handler failed; this is a fault of ours";

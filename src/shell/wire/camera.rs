@@ -27,7 +27,7 @@ pub struct CameraWire {
     pub distortion: DistortionWire,
 }
 
-/// Lens distortion, models and order of the coefficients as in ROS CameraInfo and OpenCV.
+/// Lens distortion, models and order of the coefficients as in ROS `CameraInfo` and OpenCV.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
 #[schema(as = Distortion)]
 pub struct DistortionWire {

@@ -72,7 +72,7 @@ pub enum SolverName {
     Homography,
     /// EPnP (Lepetit, Moreno-Noguer and Fua 2009).
     Epnp,
-    /// POSIT and coplanar POSIT (DeMenthon and Davis 1995; Oberkampf, DeMenthon and Davis 1996).
+    /// POSIT and coplanar POSIT (`DeMenthon` and Davis 1995; Oberkampf, `DeMenthon` and Davis 1996).
     Posit,
     /// Infinitesimal plane-based pose estimation (Collins and Bartoli 2014); coplanar points only.
     Ippe,
@@ -134,7 +134,7 @@ pub struct PoseWire {
     pub azimuth_rad: f64,
     /// atan2(-y, hypot(x, z)), positive up.
     pub elevation_rad: f64,
-    /// 6 x 6, order x, y, z, rotation about camera x, y, z, of the error (t_true - t, Log(R_true R^T)); m and rad. It holds
+    /// 6 x 6, order x, y, z, rotation about camera x, y, z, of the error (`t_true` - t, `Log(R_true` R^T)); m and rad. It holds
     /// provided that this pose and not one of the alternatives is the right one.
     pub covariance: [[f64; 6]; 6],
     /// Whether the covariance holds as such; false where the linear approximation behind it does not.

@@ -124,7 +124,7 @@ impl Scores {
     }
 }
 
-/// Of values in any order; NaN for none.
+/// Of values in any order; `NaN` for none.
 fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

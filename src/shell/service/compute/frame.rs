@@ -92,16 +92,15 @@ impl FrameTask {
     /// # Errors
     /// Bytes that are no frame, or not one of the camera.
     pub fn decode(&self, bytes: &[u8], terms: &Terms) -> Result<Frame, Fault> {
-        let frame = match self.raw {
-            Some((format, width, height)) => Frame::from_raw(format, width, height, bytes, &terms.limits),
-            None => {
-                let decoding = Decoding {
-                    wanted: self.detector.wanted(),
-                    apply_orientation: self.apply_orientation,
-                    limits: terms.limits,
-                };
-                Frame::decode(bytes, &decoding)
-            }
+        let frame = if let Some((format, width, height)) = self.raw {
+            Frame::from_raw(format, width, height, bytes, terms.limits)
+        } else {
+            let decoding = Decoding {
+                wanted: self.detector.wanted(),
+                apply_orientation: self.apply_orientation,
+                limits: terms.limits,
+            };
+            Frame::decode(bytes, &decoding)
         };
         let frame = frame.map_err(|error| Fault::of_frame(&error))?;
         if let Some(camera) = &self.camera {
