@@ -1,4 +1,76 @@
-//! Skypose.
+//! Where is that UAV, and how is it turned? A frame of a calibrated camera in, the six-degree-of-freedom pose of a marked
+//! target out, with a covariance that holds, its runner-up where there is one, and a typed reason where there is no pose.
+//!
+//! # The rooms, in reading order
+//!
+//! *Words*, which everything else speaks:
+//!
+//! | room | what it is about |
+//! | --- | --- |
+//! | [`geometry`] | spaces as types, points, transforms, rotations, the covariance of a pose |
+//! | [`camera`] | intrinsics, lens distortion, projection and its inverse with Jacobians |
+//! | [`target`] | a constellation of markers, how its points are spread |
+//! | [`frame`] | one picture: decoding within limits, raw formats, region of interest |
+//! | [`random`] | generators that have a name |
+//!
+//! *Flow*, in the order in which a frame passes:
+//!
+//! | room | from | to |
+//! | --- | --- | --- |
+//! | [`detect`] | a frame | centroids, each with its sigma, and refused blobs, each with its reason |
+//! | [`solve`] | correspondences | candidate poses: one solver, one file, one paper |
+//! | [`refine`] | a candidate | the least reprojection error, with covariance |
+//! | [`pose`] | correspondences | the answer: best pose, runners-up with probabilities, or the reason for none |
+//! | [`identify`] | centroids | which of them is which marker (it tries poses, so it stands after them) |
+//! | [`pipeline`] | a frame | all of it, on one screen |
+//!
+//! *Workshops*, which use the flow: [`scene`] makes synthetic truth, from the simulated cases of the 2012 study to rendered
+//! flights; [`annotate`] draws what was found.
+//!
+//! *The wall*: [`shell`]. Only behind it are clocks, files, sockets, threads, logs and serialised shapes: settings,
+//! telemetry, the store, the service with its workers, HTTP, the command line.
+//!
+//! # The import law
+//!
+//! Words know only words; a flow room knows words and the flow rooms before it; workshops know words and flow; the shell
+//! knows all, and its doors never know each other. Everything outside the shell is pure: values in, values out.
+//! `tests/house.rs` holds it up.
+//!
+//! # One frame's walk
+//!
+//! `POST /v1/estimates` arrives at [`shell::http`], which reads the frame and its parameters within their limits and asks
+//! [`shell::service`]; there the camera and the targets are looked up, and a worker takes the job. The worker decodes the
+//! bytes to a [`frame::Frame`] and walks [`pipeline::estimate`]: [`detect`](detect::detect) finds blobs of the marker's
+//! colour; [`identify`](identify::identify) weighs which blob is which marker; [`estimate_pose`](pose::estimate_pose) starts
+//! from the solvers that fit the geometry, refines every start, keeps the distinct minima and weighs them. [`shell::wire`]
+//! writes the reply.
+//!
+//! # A pose from points
+//!
+//! ```
+//! use skypose::camera::{Camera, Distortion, Pixel};
+//! use skypose::geometry::Point;
+//! use skypose::pose::{PoseOptions, estimate_pose};
+//! use skypose::refine::Correspondence;
+//!
+//! let camera = Camera::checked([640, 480], [600.0; 2], [320.0, 240.0], Distortion::None)?;
+//! let seen = [
+//!     ([-0.2, -0.2], [296.3, 165.7]),
+//!     ([0.2, -0.2], [434.3, 153.4]),
+//!     ([0.2, 0.2], [434.3, 326.6]),
+//!     ([-0.2, 0.2], [296.3, 314.3]),
+//! ];
+//! let correspondences = seen.map(|([x, y], [u, v])| Correspondence {
+//!     point: Point::new(x, y, 0.0),
+//!     pixel: Pixel::new(u, v),
+//!     sigma_px: 0.5,
+//! });
+//! let answer = estimate_pose(&camera, &correspondences, &PoseOptions::default())?;
+//! let range_m = answer.best.camera_from_target.translation.norm();
+//! assert!((range_m - 1.503).abs() < 0.005, "{range_m}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
 pub mod annotate;
 pub mod camera;
 pub mod detect;
