@@ -5,6 +5,7 @@ mod frames;
 mod inputs;
 mod pictures;
 mod points;
+mod requests;
 mod serve;
 
 use std::path::PathBuf;
@@ -39,7 +40,7 @@ enum Command {
     Detect(frames::Detect),
     /// Find targets and their poses in frames: one JSON reply a line.
     Estimate(frames::Estimate),
-    /// Compute poses from points: JSON requests on standard input, one a line, to JSON replies on standard output.
+    /// Compute poses from points: JSON requests on standard input, one JSON reply a line.
     #[command(after_help = POSE_EXAMPLE)]
     Pose(points::Pose),
     /// Print the API document (OpenAPI, JSON).

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 
 use super::Stop;
+use super::inputs::unreadable;
 use crate::annotate::{Overlay, annotate};
 use crate::frame::Frame;
 use crate::geometry::CameraFromTarget;
@@ -31,9 +32,12 @@ use score::Scores;
 /// Quality of the JPEG frames: that of a camera, with colour at half the rate.
 const QUALITY: u8 = 90;
 
+/// Where the frames as they were posted go.
+const FRAMES: &str = "frames";
+
 #[derive(Args, Debug)]
 pub(super) struct Demo {
-    /// Folder for the annotated frames.
+    /// Folder for the annotated frames; the frames as they were posted, the camera and the target go there too.
     #[arg(long, value_name = "FOLDER", default_value = "skypose-demo")]
     out: PathBuf,
     /// Frames of each flight.
@@ -49,7 +53,10 @@ impl Demo {
         telemetry::start_logging(&LogSettings { level: "warn".into(), ..LogSettings::default() });
         // TLS is not used on the loopback, but the client wants to know whose it would be.
         let _ = rustls::crypto::ring::default_provider().install_default();
-        std::fs::create_dir_all(&self.out).map_err(|error| super::inputs::unreadable(&self.out, &error))?;
+        let frames = self.out.join(FRAMES);
+        std::fs::create_dir_all(&frames).map_err(|error| unreadable(&frames, &error))?;
+        self.write("camera.json", &json_of(&CameraWire::from(&demo_camera()))?)?;
+        self.write("target.json", &json_of(&TargetWire::from(&wing().target))?)?;
         let data = std::env::temp_dir().join(format!("skypose-demo-{}", std::process::id()));
         let runtime = tokio::runtime::Runtime::new().map_err(internal)?;
         let result = runtime.block_on(self.fly(&data));
@@ -81,7 +88,9 @@ impl Demo {
                 let score = score::Score::of(&shot.truth, &reply, start.elapsed());
                 print_line(&score.line(number))?;
                 scores.add(score);
-                self.draw(flight, number, &shot).await?;
+                let name = format!("{}-{number:03}.jpg", flight.name());
+                self.write(&format!("{FRAMES}/{name}"), &shot.jpeg)?;
+                self.write(&name, &annotated(&shot.jpeg).await?)?;
             }
             print_line("")?;
             all.append(scores);
@@ -89,7 +98,8 @@ impl Demo {
         stopper.stop();
         serving.await.map_err(internal)?.map_err(internal)?;
         print_line(&all.summary())?;
-        print_line(&format!("Annotated frames are in {}/.", self.out.display()))?;
+        let out = self.out.display();
+        print_line(&format!("Annotated frames are in {out}/, the frames that were posted in {out}/{FRAMES}/."))?;
         Ok(())
     }
 
@@ -105,22 +115,28 @@ impl Demo {
         Ok(Shot { truth, jpeg: encode::jpeg(&frame, QUALITY).map_err(internal)? })
     }
 
-    /// The frame as it was posted, with what was found drawn in.
-    async fn draw(&self, flight: Flight, number: u32, shot: &Shot) -> Result<(), Fault> {
-        let request = FrameRequest {
-            camera: Some(Ref::Object(CameraWire::from(&demo_camera()))),
-            targets: vec![Ref::Object(TargetWire::from(&wing().target))],
-            ..FrameRequest::default()
-        };
-        let task = FrameTask::for_estimate(request, &mut Lookup::new(None)).await?;
-        let (frame, estimate, _) = task.estimated(&shot.jpeg, &Terms::of(&Settings::default()))?;
-        let picture =
-            annotate(&frame, task.camera(), &Overlay::of(&estimate.detection, task.targets(), &estimate.targets));
-        let path = self.out.join(format!("{}-{number:03}.jpg", flight.name()));
-        let drawn = Frame::from_rgb_image(picture).map_err(internal)?;
-        let bytes = encode::jpeg(&drawn, QUALITY).map_err(internal)?;
-        std::fs::write(&path, bytes).map_err(|error| super::inputs::unreadable(&path, &error))
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Fault> {
+        let path = self.out.join(name);
+        std::fs::write(&path, bytes).map_err(|error| unreadable(&path, &error))
     }
+}
+
+/// The frame as it was posted, with what was found drawn in.
+async fn annotated(jpeg: &[u8]) -> Result<Vec<u8>, Fault> {
+    let request = FrameRequest {
+        camera: Some(Ref::Object(CameraWire::from(&demo_camera()))),
+        targets: vec![Ref::Object(TargetWire::from(&wing().target))],
+        ..FrameRequest::default()
+    };
+    let task = FrameTask::for_estimate(request, &mut Lookup::new(None)).await?;
+    let (frame, estimate, _) = task.estimated(jpeg, &Terms::of(&Settings::default()))?;
+    let overlay = Overlay::of(&estimate.detection, task.targets(), &estimate.targets);
+    let drawn = Frame::from_rgb_image(annotate(&frame, task.camera(), &overlay)).map_err(internal)?;
+    encode::jpeg(&drawn, QUALITY).map_err(internal)
+}
+
+fn json_of<T: serde::Serialize>(thing: &T) -> Result<Vec<u8>, Fault> {
+    serde_json::to_vec_pretty(thing).map_err(internal)
 }
 
 /// A frame on its way, and where the target really is.

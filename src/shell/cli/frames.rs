@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::inputs::{bytes_of, frames_of, json_of};
 use super::pictures::Pictures;
+use super::requests::Requests;
 use super::{SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
 use crate::shell::console::{complain, print_line, progress};
@@ -17,35 +18,35 @@ use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
 use crate::shell::wire::frame::{DetectorWire, Method, OrientationHandling, Preset};
 use crate::shell::wire::pose::SolverName;
-use crate::shell::wire::{CameraWire, FrameRequest, Problem, Ref, TargetWire, from_json, from_value};
+use crate::shell::wire::{CameraWire, FrameRequest, Problem, Ref, TargetWire, from_value};
 
 /// What both commands take.
 #[derive(Args, Debug)]
 struct Frames {
-    /// Pictures (JPEG, PNG, `WebP`, BMP, TIFF, PNM), or folders of them.
+    /// Pictures (JPEG, PNG, WebP, BMP, TIFF, PNM), or folders of them.
     #[arg(value_name = "FRAME|FOLDER", required_unless_present = "requests")]
     inputs: Vec<PathBuf>,
-    /// Read requests instead, one JSON object a line as in the API, each with "frame": "path". `-` is standard input.
+    /// Read requests instead, JSON objects as in the API one after another, each with "frame": "path"; - is standard input.
     #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
     requests: Option<PathBuf>,
-    /// Take the frames as a sequence: replies carry a `frame_index`.
+    /// Take the frames as a sequence: each reply carries its number.
     #[arg(long)]
     sequence: bool,
     /// Draw what was found: a picture for a single frame, a folder for several.
     #[arg(long, value_name = "OUT")]
     annotate: Option<PathBuf>,
-    /// Method of detection.
+    /// Method of detection: color.
     #[arg(long, value_name = "METHOD", default_value = "color", value_parser = named::<Method>)]
     method: Method,
-    /// Preset of the method; `thesis` is the method of the seed thesis step for step.
+    /// Preset of the method: thesis is that of the 2012 thesis, step for step.
     #[arg(long, value_name = "PRESET", value_parser = named::<Preset>)]
     preset: Option<Preset>,
     /// The markers' colour: red, orange, yellow, green, cyan, blue or magenta.
     #[arg(long)]
     color: Option<String>,
     /// Look only here: x,y,width,height in pixels.
-    #[arg(long, value_name = "X,Y,W,H", value_delimiter = ',', num_args = 4)]
-    region: Option<Vec<u32>>,
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
+    region: Option<[u32; 4]>,
     /// What to do with an orientation that a file states (EXIF): ignore or apply.
     #[arg(long, default_value = "ignore", value_parser = named::<OrientationHandling>)]
     orientation: OrientationHandling,
@@ -69,7 +70,7 @@ pub(super) struct Estimate {
     /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times.
     #[arg(long, value_name = "FILE", required_unless_present = "requests")]
     target: Vec<PathBuf>,
-    /// Method for the pose.
+    /// Method for the pose: auto, homography, epnp, posit, ippe or p3p.
     #[arg(long, default_value = "auto", value_parser = named::<SolverName>)]
     solver: SolverName,
     /// Leave the pose as the method gives it, without refinement.
@@ -105,6 +106,15 @@ fn named<T: serde::de::DeserializeOwned>(word: &str) -> Result<T, String> {
     serde_json::from_value(Value::String(word.into())).map_err(|error| error.to_string())
 }
 
+/// x,y,width,height.
+fn region(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    numbers
+        .ok()
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| "four whole numbers are expected: x,y,width,height".into())
+}
+
 /// A file, or a name if there is a store and no such file.
 fn given<T: serde::de::DeserializeOwned>(path: &Path, stored: bool) -> Result<Ref<T>, Fault> {
     if stored && !path.exists() {
@@ -122,7 +132,7 @@ impl Frames {
                 color: self.color.clone(),
                 ..DetectorWire::default()
             },
-            region_px: self.region.as_deref().and_then(|list| list.try_into().ok()),
+            region_px: self.region,
             orientation: self.orientation,
             ..FrameRequest::default()
         }
@@ -134,17 +144,17 @@ impl Frames {
             let job = |path| Job { path, request: Ok(request.clone()) };
             return Ok(frames_of(&self.inputs)?.into_iter().map(job).collect());
         };
+        let unusable = |error: std::io::Error| Fault::new(FaultKind::Unreadable, error.to_string());
         let text = if file.as_os_str() == "-" {
             let mut text = Vec::new();
-            std::io::Read::read_to_end(&mut std::io::stdin().lock(), &mut text)
-                .map_err(|error| Fault::new(FaultKind::Unreadable, error.to_string()))?;
+            std::io::Read::read_to_end(&mut std::io::stdin().lock(), &mut text).map_err(unusable)?;
             text
         } else {
             bytes_of(file)?
         };
         let folder = file.parent().unwrap_or(Path::new(""));
-        let lines = text.split(|byte| *byte == b'\n').filter(|line| !line.iter().all(u8::is_ascii_whitespace));
-        Ok(lines.map(|line| Job::read(line, folder)).collect())
+        let requests = Requests::of(text.as_slice());
+        requests.map(|read| Ok(Job::of(read.map_err(unusable)?.1, folder))).collect()
     }
 }
 
@@ -155,10 +165,10 @@ struct Job {
 }
 
 impl Job {
-    /// From a line of JSON. A relative path counts from here, or else from the folder of the file.
-    fn read(line: &[u8], folder: &Path) -> Self {
+    /// A relative path counts from here, or else from the folder of the file.
+    fn of(request: Result<Value, Fault>, folder: &Path) -> Self {
         let mut path = PathBuf::new();
-        let request = from_json::<Value>(line).and_then(|mut request| {
+        let request = request.and_then(|mut request| {
             let frame = request.as_object_mut().and_then(|object| object.remove("frame"));
             let Some(Value::String(frame)) = frame else {
                 return Err(Fault::senseless("/frame", "a request in a file names its frame: \"frame\": \"path\""));

@@ -1,17 +1,14 @@
 //! `skypose pose`.
 
-use std::io::{self, BufRead};
-
 use clap::Args;
-use serde_json::Value;
 
+use super::requests::Requests;
 use super::{SettingsArgs, Stop, runtime};
 use crate::shell::console::{complain, print_line};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{BatchItem, Terms};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
-use crate::shell::wire::from_json;
 use crate::shell::wire::pose::PoseReplyOrError;
 
 #[derive(Args, Debug)]
@@ -32,12 +29,9 @@ impl Pose {
         };
         let mut lookup = Lookup::new(store.as_ref());
         let mut failed = false;
-        for (number, line) in (1..).zip(io::stdin().lock().split(b'\n')) {
-            let line = line?;
-            if line.iter().all(u8::is_ascii_whitespace) {
-                continue;
-            }
-            let item = match from_json::<Value>(&line) {
+        for read in Requests::of(std::io::stdin().lock()) {
+            let (number, request) = read?;
+            let item = match request {
                 Ok(request) => runtime.block_on(BatchItem::read(request, &mut lookup, &terms)),
                 Err(fault) => BatchItem::Failed(None, fault),
             };
