@@ -46,10 +46,16 @@ impl<R: BufRead> Requests<R> {
         }
         let number = self.passed + 1;
         let mut text = Vec::new();
-        let mut lines = 0;
+        let mut lines = 0_usize;
+        let mut nesting = Nesting::default();
         while let Some(line) = self.line(lines)? {
             text.extend_from_slice(line);
             lines += 1;
+            // Parsed when it may be whole, and now and then to see whether it still can be, so that the work stays in
+            // proportion.
+            if !nesting.after(line).is_closed() && !lines.is_power_of_two() {
+                continue;
+            }
             match serde_json::from_slice::<Value>(&text) {
                 Ok(value) => {
                     self.pass(lines);
@@ -65,6 +71,34 @@ impl<R: BufRead> Requests<R> {
         let fault = from_json::<Value>(&self.ahead[0]).err();
         self.pass(1);
         Ok(fault.map(|fault| (number, Err(fault))))
+    }
+}
+
+/// How deep in brackets a text is.
+#[derive(Clone, Copy, Default)]
+struct Nesting {
+    depth: i64,
+    in_string: bool,
+    escaped: bool,
+}
+
+impl Nesting {
+    fn after(&mut self, text: &[u8]) -> Self {
+        for byte in text {
+            match byte {
+                _ if self.escaped => self.escaped = false,
+                b'\\' if self.in_string => self.escaped = true,
+                b'"' => self.in_string = !self.in_string,
+                b'{' | b'[' if !self.in_string => self.depth += 1,
+                b'}' | b']' if !self.in_string => self.depth -= 1,
+                _ => {}
+            }
+        }
+        *self
+    }
+
+    const fn is_closed(self) -> bool {
+        self.depth <= 0 && !self.in_string
     }
 }
 
@@ -99,6 +133,12 @@ mod tests {
     #[test]
     fn a_value_may_be_spread_over_lines() {
         assert_eq!(read("{\n \"a\":\n  [1,\n   2]\n}\n{}"), [good(1, "{\"a\":[1,2]}"), good(6, "{}")]);
+    }
+
+    #[test]
+    fn brackets_in_strings_are_no_brackets() {
+        let text = "{\"a\": \"]}\\\"\",\n\n\n\n\n \"b\": 1}\n[]";
+        assert_eq!(read(text), [good(1, "{\"a\":\"]}\\\"\",\"b\":1}"), good(7, "[]")]);
     }
 
     #[test]
