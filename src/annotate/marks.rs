@@ -112,7 +112,6 @@ fn middle(sought: &Sought<'_>, overlay: &Overlay<'_>) -> Option<Pixel> {
     let found = sought.estimate.centroid_of_marker.iter().flatten();
     let places: Vec<Pixel> =
         found.filter_map(|&index| overlay.detection.centroids.get(index)).map(|centroid| centroid.pixel).collect();
-    #[expect(clippy::cast_precision_loss, reason = "a target has few markers")]
     let count = places.len() as f64;
     (!places.is_empty()).then(|| places.iter().sum::<Pixel>() / count)
 }

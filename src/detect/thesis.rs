@@ -27,7 +27,6 @@ pub fn detect(frame: &Frame, region: Region) -> Detection {
         .iter()
         .map(|runs| {
             let (x, y) = mean_position(runs);
-            #[expect(clippy::cast_precision_loss, reason = "areas stay below 2^52")]
             let area_px = area(runs) as f64;
             Centroid {
                 pixel: in_frame(region, x, y),

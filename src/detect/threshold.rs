@@ -17,7 +17,6 @@ pub fn histogram(samples: impl IntoIterator<Item = u8>) -> Histogram {
 /// selection method from gray-level histograms". Levels up to it are the lower class. Where several do equally well, their
 /// mean, rounded; 0 for a histogram of a single level. This is what the seed's `graythresh` returns, times 255.
 #[must_use]
-#[expect(clippy::cast_precision_loss, reason = "counts of pixels stay below 2^53")]
 pub fn otsu(histogram: &Histogram) -> u8 {
     let total: u64 = histogram.iter().sum();
     let all: u64 = histogram.iter().zip(0_u64..).map(|(count, level)| count * level).sum();

@@ -121,9 +121,11 @@ impl<'a> Scale<'a> {
                     )
                 } else {
                     format!(
-                        "the best match of {:?} to the {} blobs is no better than chance: probability {presence:.3}",
+                        "the best match of {:?} to the {} blobs may be chance: probability {:.1e}, at most {:.1e} is accepted",
                         self.target.name(),
-                        self.blobs.len()
+                        self.blobs.len(),
+                        1.0 - presence,
+                        1.0 - self.options.min_probability
                     )
                 },
             });
@@ -210,7 +212,6 @@ impl<'a> Scale<'a> {
 
     /// Blobs per squared pixel: over the picture, or of those over the target's own ellipse that are not its markers,
     /// whichever is denser. Clutter comes in crowds, and along edges.
-    #[expect(clippy::cast_precision_loss, reason = "tens of blobs")]
     fn clutter_density(&self, assignment: &[Option<usize>], pose: &CameraFromTarget) -> f64 {
         let over_picture = self.blobs.len() as f64 / (f64::from(self.camera.width()) * f64::from(self.camera.height()));
         let places: Vec<Pixel> = (0..self.target.markers().len()).filter_map(|m| self.place(m, pose)).collect();

@@ -33,7 +33,6 @@ impl Consistency {
         let Some(freedom) = (2 * points).checked_sub(6).filter(|f| *f > 0) else {
             return Ok(Self { variance_factor: 1.0, chi_square_limit: f64::INFINITY });
         };
-        #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
         let freedom = freedom as f64;
         let chi_square_limit = freedom * max_residual_ratio * max_residual_ratio;
         if !(best <= chi_square_limit) {

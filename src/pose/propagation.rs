@@ -102,7 +102,6 @@ fn rms_px(camera: &Camera, correspondences: &[Correspondence], pose: &CameraFrom
         .iter()
         .map(|seen| camera.project(&(*pose * seen.point)).map_or(f64::INFINITY, |p| (p - seen.pixel).norm_squared()))
         .sum();
-    #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
     let count = correspondences.len() as f64;
     (squares / count).sqrt()
 }

@@ -103,7 +103,6 @@ fn three_of(count: usize, rng: &mut impl rand::Rng) -> [usize; 3] {
 }
 
 /// Samples after which one of three inliers has been drawn with all but [`MISSED`].
-#[expect(clippy::cast_precision_loss, reason = "numbers of pairs stay far below 2^52")]
 fn samples_needed(inliers: usize, count: usize) -> usize {
     let good = (inliers as f64 / count as f64).powi(3);
     if good >= 1.0 - MISSED {
@@ -162,20 +161,16 @@ impl Judge<'_> {
         }
         let n = inliers.len();
         let picture = f64::from(self.camera.width()) * f64::from(self.camera.height());
-        #[expect(clippy::cast_precision_loss, reason = "numbers of pairs stay far below 2^52")]
         let gate: f64 = self.correspondences.iter().map(|c| (GATE * c.sigma_px).powi(2)).sum::<f64>()
             * std::f64::consts::PI
             / n as f64;
         let share = (gate / picture).min(1.0);
-        #[expect(clippy::cast_precision_loss, reason = "numbers of pairs stay far below 2^52")]
         let ln_tests = (4.0 * n as f64).ln() + ln_choose(n, size) + ln_choose(size, 3);
-        #[expect(clippy::cast_precision_loss, reason = "numbers of pairs stay far below 2^52")]
         let ln_chance = (size - 3) as f64 * share.ln();
         (ln_tests + ln_chance).exp()
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "numbers of pairs stay far below 2^52")]
 fn ln_choose(n: usize, k: usize) -> f64 {
     (0..k.min(n - k)).map(|i| (((n - i) as f64) / ((i + 1) as f64)).ln()).sum()
 }

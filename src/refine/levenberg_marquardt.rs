@@ -234,7 +234,6 @@ fn linearize(
         }
     }
     information.fill_lower_triangle_with_upper_triangle();
-    #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
     let count = correspondences.len().max(1) as f64;
     Ok(Linearized { chi_square, rms_px: (squares / count).sqrt(), information, descent })
 }

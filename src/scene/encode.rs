@@ -82,12 +82,7 @@ pub fn png(frame: &Frame) -> Result<Vec<u8>, EncodeError> {
 }
 
 #[cfg(test)]
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "the pictures are small"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the pictures are small")]
 mod tests {
     use super::*;
     use crate::frame::{ChromaSampling, Coding, Decoding, Wanted};

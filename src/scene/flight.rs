@@ -52,7 +52,6 @@ impl Flight {
     #[must_use]
     pub fn pose(self, step: usize) -> CameraFromTarget {
         let last = self.len() - 1;
-        #[expect(clippy::cast_precision_loss, reason = "some hundred steps")]
         let progress = step.min(last) as f64 / last as f64;
         match self {
             Self::HeadOn => head_on(progress),

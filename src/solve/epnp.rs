@@ -162,7 +162,6 @@ impl ControlModel {
         // The mix is known up to sign: points stand in front of the camera.
         let depth: f64 = self.shares.iter().map(|shares| in_camera(shares).z).sum();
         let sign = if depth < 0.0 { -1.0 } else { 1.0 };
-        #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
         let count = pairs.len() as f64;
         let camera_centre = self.shares.iter().map(in_camera).sum::<Vector3<f64>>() * sign / count;
         let target_centre = self.control_points[0];

@@ -91,7 +91,6 @@ struct Normalization {
 
 impl Normalization {
     fn of(points: &[Vector2<f64>]) -> Option<Self> {
-        #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
         let count = points.len() as f64;
         let mean = points.iter().sum::<Vector2<f64>>() / count;
         let distance = points.iter().map(|p| (p - mean).norm()).sum::<f64>() / count;

@@ -68,7 +68,6 @@ fn widest_three(pairs: &[Pair]) -> [usize; 3] {
         let score = |i: &usize| distance(&pairs[*i].point.coords);
         (0..pairs.len()).max_by(|a, b| score(a).total_cmp(&score(b))).unwrap_or(0)
     };
-    #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
     let middle = pairs.iter().map(|p| p.point.coords).sum::<Vector3<f64>>() / pairs.len() as f64;
     let a = farthest(&|p| (p - middle).norm());
     let pa = pairs[a].point.coords;

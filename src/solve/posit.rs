@@ -1,8 +1,8 @@
 //! Pose from orthography and scaling with iterations.
 //!
 //! A scaled orthographic image has a linear pose; the perspective image is corrected towards it with the depths of the last
-//! pose, and so on. `DeMenthon` and Davis 1995, "Model-based object pose in 25 lines of code"; for coplanar points, where each
-//! step has two solutions, Oberkampf, `DeMenthon` and Davis 1996, "Iterative pose estimation using coplanar feature points".
+//! pose, and so on. DeMenthon and Davis 1995, "Model-based object pose in 25 lines of code"; for coplanar points, where each
+//! step has two solutions, Oberkampf, DeMenthon and Davis 1996, "Iterative pose estimation using coplanar feature points".
 //!
 //! The iteration contracts only where the object is small against its distance; where it does not, that is reported.
 

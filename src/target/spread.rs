@@ -23,7 +23,6 @@ impl Spread {
     /// The spread of `points`. All zero for none.
     #[must_use]
     pub fn of<S: Space>(points: &[Point<S>]) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "no set of points comes near 2^52")]
         let count = points.len().max(1) as f64;
         let centre = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / count;
         // One-sided Jacobi on the scatter's factor keeps small extents exact, where the scatter's eigenvalues would lose

@@ -59,7 +59,6 @@ struct Heights {
 
 pub(super) fn examine(picture: &Picture<'_>, runs: &[Run], options: &ColorOptions) -> Verdict {
     let whole = bounds(runs);
-    #[expect(clippy::cast_precision_loss, reason = "areas stay below 2^52")]
     let pixels = area(runs) as f64;
     if pixels > 2.0 * options.max_area_ratio * picture.frame_area {
         return Verdict::LookHigher(Refusal::TooLarge);
@@ -106,7 +105,6 @@ fn heights(picture: &Picture<'_>, runs: &[Run], whole: Region) -> Heights {
     let mut inside: Vec<u8> = runs.iter().flat_map(|run| picture.run(run)).copied().collect();
     inside.sort_unstable();
     let upper = &inside[inside.len() * 3 / 4..];
-    #[expect(clippy::cast_precision_loss, reason = "counts stay below 2^52")]
     let top = upper.iter().map(|s| f64::from(*s)).sum::<f64>() / upper.len().max(1) as f64;
     if ground.is_empty() {
         return Heights { ground: 0.0, top, noise: 0.0 };
@@ -130,7 +128,6 @@ struct Shape<'a> {
 }
 
 impl<'a> Shape<'a> {
-    #[expect(clippy::cast_precision_loss, reason = "areas stay below 2^52")]
     fn of(core: &'a [Run]) -> Self {
         let (mean_x, mean_y) = mean_position(core);
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);

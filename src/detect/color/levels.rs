@@ -42,7 +42,6 @@ pub(super) fn search(picture: &Picture<'_>, options: &ColorOptions) -> Detection
                     Verdict::LookHigher(_) if level * LEVEL_RATIO < f64::from(peak(picture, runs)) => again.push(whole),
                     Verdict::LookHigher(reason) | Verdict::Refused(reason) => found.refused.push(Refused {
                         pixel: middle(whole),
-                        #[expect(clippy::cast_precision_loss, reason = "areas stay below 2^52")]
                         area_px: area(runs) as f64,
                         bounds: whole,
                         reason,

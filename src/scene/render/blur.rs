@@ -113,7 +113,6 @@ fn clamped(position: usize, offset: isize, length: usize) -> usize {
 }
 
 #[cfg(test)]
-#[expect(clippy::cast_precision_loss, reason = "the pictures are small")]
 mod tests {
     use proptest::prelude::*;
 

@@ -14,7 +14,6 @@ impl Noise {
     }
 
     /// The random value of a lattice point: `SplitMix64` (Steele, Lea and Flood 2014) of seed and place.
-    #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     const fn lattice(self, x: i64, y: i64) -> f32 {
         let mut z = self.seed ^ x.cast_unsigned().wrapping_mul(0x9E37_79B9_7F4A_7C15);
         z = z.wrapping_add(y.cast_unsigned().wrapping_mul(0xD1B5_4A32_D192_ED03));

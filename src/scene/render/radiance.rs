@@ -82,10 +82,8 @@ impl Tracer<'_> {
     /// Draws the target's part of the square at `corner`, of the side of this level.
     fn fill(&self, picture: &mut Radiance, corner: [usize; 2], level: usize) {
         let side = CELL_SIDES[level];
-        #[expect(clippy::cast_precision_loss, reason = "a camera has at most 65 535 px a side")]
         let middle = Pixel::from(corner.map(|c| c as f64 + 0.5 * (side - 1) as f64));
         let lens = self.camera.unproject_with_jacobian(&middle);
-        #[expect(clippy::cast_precision_loss, reason = "16 at most")]
         let uniform = lens.and_then(|(ray, by_pixel)| {
             self.surfaces.seen_by_all(&cell(ray, by_pixel, 0.5 * CELL_MARGIN * side as f64))
         });
@@ -121,7 +119,6 @@ impl Tracer<'_> {
             let light = self.surfaces.light_of(self.surfaces.seen_by(&(ray + by_pixel * offset)), sky);
             (0..3).for_each(|c| sum[c] += light[c]);
         }
-        #[expect(clippy::cast_precision_loss, reason = "1024 at most")]
         let count = self.offsets.len() as f32;
         scaled(sum, count.recip())
     }
@@ -133,7 +130,6 @@ fn cell(middle: Normalized, by_pixel: Matrix2<f64>, reach_px: f64) -> Cell {
 }
 
 #[cfg(test)]
-#[expect(clippy::cast_precision_loss, reason = "1024 at most")]
 mod tests {
     use super::*;
 

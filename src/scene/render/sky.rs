@@ -258,7 +258,6 @@ fn span(middle: f64, reach: f64, length: usize) -> std::ops::Range<usize> {
 }
 
 /// A count of pixels.
-#[expect(clippy::cast_precision_loss, reason = "a camera has at most 65 535 px a side")]
 const fn px(count: usize) -> f64 {
     count as f64
 }
@@ -269,7 +268,6 @@ const fn single(value: f64) -> f32 {
 }
 
 #[cfg(test)]
-#[expect(clippy::cast_precision_loss, reason = "the pictures are small")]
 #[expect(clippy::float_cmp, reason = "light that was copied, not computed")]
 mod tests {
     use super::*;

@@ -1,6 +1,6 @@
 //! The rendered frame against geometry.
 
-#![expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "the pictures are small")]
+#![expect(clippy::cast_possible_truncation, reason = "the pictures are small")]
 #![expect(clippy::float_cmp, reason = "light that was copied, not computed")]
 
 use nalgebra::{Vector2, Vector3};

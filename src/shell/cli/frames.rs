@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::inputs::{bytes_of, frames_of, json_of};
+use super::inputs::{bytes_of, frames_of, json_of, unreadable_source};
 use super::pictures::Pictures;
 use super::requests::Requests;
 use super::{SettingsArgs, Stop, runtime};
@@ -214,7 +214,7 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
     };
     let mut lookup = Lookup::new(store.as_ref());
     let jobs = frames.jobs(request)?;
-    let pictures = Pictures::new(frames.annotate.as_deref(), jobs.len())?;
+    let mut pictures = Pictures::new(frames.annotate.as_deref(), jobs.len())?;
     let bar = progress(jobs.len(), "frames");
     let mut failed = false;
     for (index, job) in jobs.into_iter().enumerate() {
@@ -227,7 +227,7 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
                     Kind::Estimate => FrameTask::for_estimate(request, &mut lookup).await,
                 }
             })?;
-            answer(&job.path, &task, &terms, kind, &pictures)
+            answer(&job.path, &task, &terms, kind, &mut pictures)
         });
         let line = match answer {
             Ok(reply) => to_line(Line { source, frame_index, reply })?,
@@ -244,8 +244,8 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
     if failed { Err(Stop::SomeFailed) } else { Ok(()) }
 }
 
-fn answer(path: &Path, task: &FrameTask, terms: &Terms, kind: Kind, pictures: &Pictures) -> Result<Value, Fault> {
-    let bytes = bytes_of(path)?;
+fn answer(path: &Path, task: &FrameTask, terms: &Terms, kind: Kind, pictures: &mut Pictures) -> Result<Value, Fault> {
+    let bytes = std::fs::read(path).map_err(|error| unreadable_source(&error))?;
     let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
     match kind {
         Kind::Detection => {

@@ -13,8 +13,14 @@ const PICTURES: [&str; 11] = ["jpg", "jpeg", "png", "webp", "bmp", "tif", "tiff"
 
 /// The fault of a file that cannot be read.
 pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> Fault {
+    let fault = unreadable_source(error);
+    Fault { detail: format!("{}: {}", path.display(), fault.detail), ..fault }
+}
+
+/// The same where the reply names the file.
+pub(super) fn unreadable_source(error: &std::io::Error) -> Fault {
     let kind = if error.kind() == std::io::ErrorKind::NotFound { FaultKind::NotFound } else { FaultKind::Unreadable };
-    Fault::new(kind, format!("{}: {error}", path.display()))
+    Fault::new(kind, error.to_string())
 }
 
 /// The bytes of a file.

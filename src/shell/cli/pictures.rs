@@ -1,5 +1,6 @@
 //! Annotated copies of frames.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::annotate::{Overlay, annotate};
@@ -13,8 +14,13 @@ pub(super) enum Pictures {
     None,
     /// The one frame goes to this file.
     File(PathBuf),
-    /// All go to this folder, as PNG under their own names.
-    Folder(PathBuf),
+    /// All go to this folder, as PNG under their own names, with a number where the name is taken.
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// What has been written.
+        written: BTreeSet<PathBuf>,
+    },
 }
 
 impl Pictures {
@@ -25,12 +31,12 @@ impl Pictures {
             return Ok(Self::File(out.to_owned()));
         }
         std::fs::create_dir_all(out).map_err(|error| super::inputs::unreadable(out, &error))?;
-        Ok(Self::Folder(out.to_owned()))
+        Ok(Self::Folder { folder: out.to_owned(), written: BTreeSet::new() })
     }
 
-    /// Draws what was found in the frame of `source`.
+    /// Draws what was found in the frame of `source`, never over that file itself.
     pub(super) fn write(
-        &self,
+        &mut self,
         source: &Path,
         frame: &Frame,
         task: &FrameTask,
@@ -39,8 +45,19 @@ impl Pictures {
         let path = match self {
             Self::None => return Ok(()),
             Self::File(path) => path.clone(),
-            Self::Folder(folder) => folder.join(source.file_name().unwrap_or_default()).with_extension("png"),
+            Self::Folder { folder, written } => {
+                let stem = source.file_stem().unwrap_or_default().to_string_lossy();
+                let names = std::iter::once(format!("{stem}.png")).chain((2..).map(|n| format!("{stem}-{n}.png")));
+                let free = |path: &PathBuf| !written.contains(path) && !is_same(path, source);
+                let path = names.map(|name| folder.join(name)).find(free).unwrap_or_default();
+                written.insert(path.clone());
+                path
+            }
         };
+        if is_same(&path, source) {
+            let detail = format!("{}: the annotated frame would replace the frame itself", path.display());
+            return Err(Fault::new(FaultKind::Conflict, detail));
+        }
         let picture = annotate(frame, task.camera(), overlay);
         picture.save(&path).map_err(|error| {
             let detail =
@@ -48,4 +65,9 @@ impl Pictures {
             Fault::new(FaultKind::Unreadable, detail)
         })
     }
+}
+
+/// Whether both are the same existing file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b)
 }

@@ -114,14 +114,13 @@ impl Layers {
         };
         let value = match (&*slot, value) {
             // 3 is a fine value for a number that is not whole.
-            #[expect(clippy::cast_precision_loss, reason = "no setting is near 2^52")]
             (Value::Float(_), Value::Integer(whole)) => Value::Float(whole as f64),
             (_, value) => value,
         };
         if slot.same_type(&value) {
             *slot = value;
         } else {
-            let problem = format!("a {} is expected, not a {}", slot.type_str(), value.type_str());
+            let problem = format!("of type {}, where {} is needed", value.type_str(), slot.type_str());
             self.fault(source, problem);
         }
     }
@@ -132,16 +131,21 @@ impl Layers {
     }
 
     fn finish(mut self) -> Result<Settings, Vec<SettingFault>> {
-        // Section by section, so that one that cannot be read does not hide the others' faults.
+        // Setting by setting, so that one that cannot be read does not hide the others' faults.
         let mut readable = Table::new();
         for (section, content) in std::mem::take(&mut self.merged) {
-            let alone = Table::from_iter([(section.clone(), content.clone())]);
-            match alone.try_into::<Settings>() {
-                Ok(_) => {
-                    readable.insert(section, content);
+            let Value::Table(content) = content else { continue };
+            let mut kept = Table::new();
+            for (key, value) in content {
+                let alone = Table::from_iter([(key.clone(), value.clone())]);
+                match Table::from_iter([(section.clone(), Value::Table(alone))]).try_into::<Settings>() {
+                    Ok(_) => {
+                        kept.insert(key, value);
+                    }
+                    Err(error) => self.fault(&format!("{section}.{key}"), error.message().to_owned()),
                 }
-                Err(error) => self.fault(&section, error.message().to_owned()),
             }
+            readable.insert(section, Value::Table(kept));
         }
         let settings: Settings = readable.try_into().unwrap_or_default();
         self.faults.extend(settings.faults());
@@ -187,7 +191,7 @@ mod tests {
             "wrong.key",
             "SKYPOSE_WORKERS_QUEUE",
             "SKYPOSE_HTPP_LISTEN",
-            "http",
+            "http.listen",
             "identify.max_blobs",
             "log.level",
         ] {

@@ -72,7 +72,7 @@ pub enum SolverName {
     Homography,
     /// EPnP (Lepetit, Moreno-Noguer and Fua 2009).
     Epnp,
-    /// POSIT and coplanar POSIT (`DeMenthon` and Davis 1995; Oberkampf, `DeMenthon` and Davis 1996).
+    /// POSIT and coplanar POSIT (DeMenthon and Davis 1995; Oberkampf, DeMenthon and Davis 1996).
     Posit,
     /// Infinitesimal plane-based pose estimation (Collins and Bartoli 2014); coplanar points only.
     Ippe,

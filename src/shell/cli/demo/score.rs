@@ -106,7 +106,6 @@ impl Scores {
             }
         }
         let latency: Vec<f64> = self.0.iter().map(|score| score.latency.as_secs_f64() * 1e3).collect();
-        #[expect(clippy::cast_precision_loss, reason = "some thousand frames")]
         let share = within as f64 / (2 * position.len()).max(1) as f64 * 100.0;
         format!(
             "{} frames, {} poses. Position off by {:.3} % of the range (median), {:.3} % at worst; attitude by {:.3} deg, \
@@ -128,12 +127,7 @@ impl Scores {
 fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        clippy::cast_possible_truncation,
-        reason = "a position"
-    )]
+    #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a position")]
     let index = ((sorted.len().saturating_sub(1)) as f64 * share).round() as usize;
     sorted.get(index).copied().unwrap_or(f64::NAN)
 }
