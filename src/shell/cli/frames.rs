@@ -214,7 +214,8 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
     };
     let mut lookup = Lookup::new(store.as_ref());
     let jobs = frames.jobs(request)?;
-    let mut pictures = Pictures::new(frames.annotate.as_deref(), jobs.len())?;
+    let sources: Vec<&Path> = jobs.iter().map(|job| job.path.as_path()).collect();
+    let mut pictures = Pictures::new(frames.annotate.as_deref(), &sources)?;
     let bar = progress(jobs.len(), "frames");
     let mut failed = false;
     for (index, job) in jobs.into_iter().enumerate() {

@@ -8,33 +8,39 @@ use crate::frame::Frame;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::FrameTask;
 
-/// Where annotated frames go.
+/// Where annotated frames go; never over the frames themselves.
 pub(super) enum Pictures {
     /// Nowhere.
     None,
     /// The one frame goes to this file.
     File(PathBuf),
-    /// All go to this folder, as PNG under their own names, with a number where the name is taken.
+    /// All go to this folder, as PNG under their own names, with a number where that is taken.
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// What has been written.
-        written: BTreeSet<PathBuf>,
+        /// The frames, and what has been written.
+        taken: BTreeSet<PathBuf>,
     },
 }
 
 impl Pictures {
-    /// For `count` frames: a file for a single one if the name has an ending, a folder otherwise.
-    pub(super) fn new(out: Option<&Path>, count: usize) -> Result<Self, Fault> {
+    /// For these frames: a file for a single one if the name has an ending, a folder otherwise.
+    pub(super) fn new(out: Option<&Path>, sources: &[&Path]) -> Result<Self, Fault> {
         let Some(out) = out else { return Ok(Self::None) };
-        if count == 1 && out.extension().is_some() && !out.is_dir() {
+        let taken: BTreeSet<PathBuf> = sources.iter().filter_map(|source| source.canonicalize().ok()).collect();
+        if sources.len() == 1 && out.extension().is_some() && !out.is_dir() {
+            if out.canonicalize().is_ok_and(|out| taken.contains(&out)) {
+                let detail = format!("{}: the annotated frame would replace the frame itself", out.display());
+                return Err(Fault::new(FaultKind::Conflict, detail));
+            }
             return Ok(Self::File(out.to_owned()));
         }
         std::fs::create_dir_all(out).map_err(|error| super::inputs::unreadable(out, &error))?;
-        Ok(Self::Folder { folder: out.to_owned(), written: BTreeSet::new() })
+        let folder = out.canonicalize().map_err(|error| super::inputs::unreadable(out, &error))?;
+        Ok(Self::Folder { folder, taken })
     }
 
-    /// Draws what was found in the frame of `source`, never over that file itself.
+    /// Draws what was found in the frame of `source`.
     pub(super) fn write(
         &mut self,
         source: &Path,
@@ -45,19 +51,17 @@ impl Pictures {
         let path = match self {
             Self::None => return Ok(()),
             Self::File(path) => path.clone(),
-            Self::Folder { folder, written } => {
+            Self::Folder { folder, taken } => {
                 let stem = source.file_stem().unwrap_or_default().to_string_lossy();
-                let names = std::iter::once(format!("{stem}.png")).chain((2..).map(|n| format!("{stem}-{n}.png")));
-                let free = |path: &PathBuf| !written.contains(path) && !is_same(path, source);
-                let path = names.map(|name| folder.join(name)).find(free).unwrap_or_default();
-                written.insert(path.clone());
+                let mut path = folder.join(format!("{stem}.png"));
+                let mut number = 1;
+                while !taken.insert(path.clone()) {
+                    number += 1;
+                    path = folder.join(format!("{stem}-{number}.png"));
+                }
                 path
             }
         };
-        if is_same(&path, source) {
-            let detail = format!("{}: the annotated frame would replace the frame itself", path.display());
-            return Err(Fault::new(FaultKind::Conflict, detail));
-        }
         let picture = annotate(frame, task.camera(), overlay);
         picture.save(&path).map_err(|error| {
             let detail =
@@ -65,9 +69,4 @@ impl Pictures {
             Fault::new(FaultKind::Unreadable, detail)
         })
     }
-}
-
-/// Whether both are the same existing file.
-fn is_same(a: &Path, b: &Path) -> bool {
-    a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b)
 }
