@@ -8,6 +8,7 @@ pub mod homography;
 pub mod ippe;
 pub mod p3p;
 pub mod posit;
+pub mod sqpnp;
 
 use arrayvec::ArrayVec;
 use thiserror::Error;
@@ -41,6 +42,8 @@ pub enum Solver {
     Ippe,
     /// Three points, up to four solutions; further points choose.
     P3p,
+    /// Least squares over all rotations, any layout.
+    Sqpnp,
 }
 
 /// Why a solver has no solution.
@@ -96,7 +99,7 @@ pub enum SolveError {
 
 impl Solver {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Homography, Self::Epnp, Self::Posit, Self::Ippe, Self::P3p];
+    pub const ALL: [Self; 6] = [Self::Homography, Self::Epnp, Self::Posit, Self::Ippe, Self::P3p, Self::Sqpnp];
 
     /// The name in the contract.
     #[must_use]
@@ -107,6 +110,7 @@ impl Solver {
             Self::Posit => "posit",
             Self::Ippe => "ippe",
             Self::P3p => "p3p",
+            Self::Sqpnp => "sqpnp",
         }
     }
 
@@ -114,7 +118,7 @@ impl Solver {
     #[must_use]
     pub const fn min_points(self) -> usize {
         match self {
-            Self::P3p => 3,
+            Self::P3p | Self::Sqpnp => 3,
             _ => 4,
         }
     }
@@ -145,6 +149,7 @@ impl Solver {
             Self::Posit => posit::posit(pairs, &spread),
             Self::Ippe => ippe::ippe(pairs, &spread),
             Self::P3p => p3p::p3p_of_many(pairs),
+            Self::Sqpnp => sqpnp::sqpnp(pairs, &spread),
         }?;
         let visible: Solutions = solutions.into_iter().filter(|pose| is_in_front(pairs, pose)).collect();
         if visible.is_empty() { Err(SolveError::BehindCamera { solver }) } else { Ok(visible) }

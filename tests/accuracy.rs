@@ -61,7 +61,7 @@ fn nearest<'a>(answer: &'a PoseAnswer, case: &Case) -> &'a PoseEstimate {
 fn without_noise_the_closed_forms_are_exact_in_every_case_of_the_seed() {
     for index in 0..1000 {
         let case = cases::thesis_2012(&mut random::case("thesis exact", index), 0.0);
-        for solver in [Solver::Homography, Solver::Epnp, Solver::Ippe, Solver::P3p] {
+        for solver in [Solver::Homography, Solver::Epnp, Solver::Ippe, Solver::P3p, Solver::Sqpnp] {
             let found = solver.solve(&pairs(&case)).unwrap_or_else(|e| panic!("{index} {}: {e}", solver.name()));
             let best = found.iter().map(|pose| error(pose, &case)).fold(f64::INFINITY, f64::min);
             assert!(best < 1e-6, "{index} {}: {best:.1e}", solver.name());
@@ -109,7 +109,7 @@ fn epnp_and_p3p_are_exact_in_space_from_four_points_on() {
     for index in 0..400 {
         for count in [4, 5, 6, 20, 60] {
             let case = cases::visible_box(&mut random::case("space exact", index), count, 0.0);
-            for solver in [Solver::Epnp, Solver::P3p] {
+            for solver in [Solver::Epnp, Solver::P3p, Solver::Sqpnp] {
                 let found = solver.solve(&pairs(&case)).unwrap_or_else(|e| panic!("{index} {}: {e}", solver.name()));
                 assert!(
                     error(&found[0], &case) < 1e-6,
@@ -266,7 +266,7 @@ fn dense_minima(camera: &Camera, seen: &[Correspondence], case: &Case) -> Vec<Ca
 
 #[test]
 fn a_method_alone_lies_within_the_covariance_of_its_own_arithmetic() {
-    for solver in [Solver::Epnp, Solver::P3p] {
+    for solver in [Solver::Epnp, Solver::P3p, Solver::Sqpnp] {
         let options = PoseOptions { solver: Some(solver), refine: false, ..PoseOptions::default() };
         let (mut inside, mut count) = (0, 0);
         for index in 0..300 {

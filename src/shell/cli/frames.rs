@@ -70,7 +70,7 @@ pub(super) struct Estimate {
     /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times.
     #[arg(long, value_name = "FILE", required_unless_present = "requests")]
     target: Vec<PathBuf>,
-    /// Method for the pose: auto, homography, epnp, posit, ippe or p3p.
+    /// Method for the pose: auto, homography, epnp, posit, ippe, p3p or sqpnp.
     #[arg(long, default_value = "auto", value_parser = named::<SolverName>)]
     solver: SolverName,
     /// Leave the pose as the method gives it, without refinement.

@@ -78,6 +78,8 @@ pub enum SolverName {
     Ippe,
     /// Three points, the rest choosing among the solutions.
     P3p,
+    /// SQPnP (Terzakis and Lourakis 2020): least squares over all rotations.
+    Sqpnp,
 }
 
 impl SolverName {
@@ -89,6 +91,7 @@ impl SolverName {
             Self::Posit => Some(Solver::Posit),
             Self::Ippe => Some(Solver::Ippe),
             Self::P3p => Some(Solver::P3p),
+            Self::Sqpnp => Some(Solver::Sqpnp),
         }
     }
 
@@ -116,6 +119,7 @@ impl From<Solver> for SolverName {
             Solver::Posit => Self::Posit,
             Solver::Ippe => Self::Ippe,
             Solver::P3p => Self::P3p,
+            Solver::Sqpnp => Self::Sqpnp,
         }
     }
 }
