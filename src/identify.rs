@@ -178,3 +178,106 @@ pub fn identify(
     let hypotheses = weighed.ranked()?;
     Ok(Identified { hypotheses, stats })
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::camera::Distortion;
+    use crate::geometry::rotation;
+    use crate::target::Marker;
+    use crate::target::tests::wing_six;
+
+    fn camera() -> Camera {
+        Camera::checked([640, 480], [600.0; 2], [320.0, 240.0], Distortion::None).expect("a camera")
+    }
+
+    fn pose() -> CameraFromTarget {
+        CameraFromTarget::new(rotation::exp(&Vector3::new(0.5, -0.3, 0.8)), Vector3::new(0.1, -0.2, 3.0))
+    }
+
+    /// The markers' images, in the order of the markers.
+    fn blobs(target: &Target) -> Vec<Blob> {
+        let pixel = |marker: &Marker| camera().project(&(pose() * marker.position)).expect("in view");
+        target.markers().iter().map(|m| Blob { pixel: pixel(m), sigma_px: 0.1, area_px: None }).collect()
+    }
+
+    fn exact() -> IdentifyOptions {
+        IdentifyOptions { model_sigma_px: 0.0, ..IdentifyOptions::default() }
+    }
+
+    /// A square that faces the camera.
+    fn square() -> Target {
+        let corners = [("a", [0.3, 0.3]), ("b", [-0.3, 0.3]), ("c", [-0.3, -0.3]), ("d", [0.3, -0.3])];
+        let marker = |(id, [x, y]): (&str, [f64; 2])| Marker {
+            id: id.into(),
+            position: [x, y, 0.0].into(),
+            radius_m: None,
+            normal: Some(-Vector3::z()),
+        };
+        Target::checked("square", corners.into_iter().map(marker).collect()).expect("a good target")
+    }
+
+    #[test]
+    fn blobs_are_told_apart_in_any_order() {
+        let (target, mut blobs) = (wing_six(), blobs(&wing_six()));
+        for turn in 0..6 {
+            let found = identify(&camera(), &target, &blobs, &exact()).expect("all six are there");
+            let expected: Vec<_> = (0..6).map(|marker| Some((marker + 6 - turn) % 6)).collect();
+            assert_eq!(found.hypotheses[0].blob_of_marker, expected);
+            assert!(found.hypotheses[0].probability > 0.9999);
+            blobs.rotate_left(1);
+        }
+    }
+
+    #[test]
+    fn fewer_blobs_than_a_detection_takes_are_too_few() {
+        let blobs = blobs(&wing_six());
+        let too_few = |given, need| Err(NoPose::TooFewPoints { given, need });
+        assert_eq!(identify(&camera(), &wing_six(), &blobs[..3], &exact()), too_few(3, 4));
+        let five = IdentifyOptions { min_markers: 5, ..exact() };
+        assert_eq!(identify(&camera(), &wing_six(), &blobs[..4], &five), too_few(4, 5));
+        assert!(identify(&camera(), &wing_six(), &blobs[..5], &five).is_ok());
+        let first_three = IdentifyOptions { max_blobs: 3, ..exact() };
+        assert_eq!(identify(&camera(), &wing_six(), &blobs, &first_three), too_few(3, 4));
+    }
+
+    #[test]
+    fn assignments_that_cannot_be_told_apart_share_the_probability() {
+        let target = square();
+        let found = identify(&camera(), &target, &blobs(&target), &exact()).expect("a square");
+        // Four turns of a square; mirrored it would face away.
+        assert_eq!(found.hypotheses.len(), 4, "{:?}", found.hypotheses);
+        for (index, hypothesis) in found.hypotheses.iter().enumerate() {
+            assert_eq!(hypothesis.found(), 4);
+            // Perspective prefers none, as every corner is a corner: equal but for the curvature about each minimum.
+            assert!((hypothesis.probability - 0.25).abs() < 0.01, "{index}: {}", hypothesis.probability);
+        }
+    }
+
+    #[test]
+    fn a_target_that_faces_away_is_not_the_one_that_was_seen() {
+        let away = |marker: &Marker| Marker { normal: Some(Vector3::z()), ..marker.clone() };
+        let target = Target::checked("away", wing_six().markers().iter().map(away).collect()).expect("a good target");
+        let found = identify(&camera(), &target, &blobs(&wing_six()), &exact());
+        assert!(matches!(found, Err(NoPose::NotIdentified { .. })), "{found:?}");
+    }
+
+    #[test]
+    fn a_range_that_was_not_expected_is_refused() {
+        let far = IdentifyOptions { range_m: [5.0, 200.0], ..exact() };
+        let found = identify(&camera(), &wing_six(), &blobs(&wing_six()), &far);
+        assert!(matches!(found, Err(NoPose::NotIdentified { .. })), "{found:?}");
+    }
+
+    #[test]
+    fn blobs_of_the_wrong_size_are_not_the_target() {
+        // The discs of 30 mm have an area of 110 px at 3 m.
+        let sized = |area_px| -> Vec<Blob> {
+            blobs(&wing_six()).into_iter().map(|blob| Blob { area_px: Some(area_px), ..blob }).collect()
+        };
+        assert!(identify(&camera(), &wing_six(), &sized(100.0), &exact()).is_ok());
+        assert!(identify(&camera(), &wing_six(), &sized(3000.0), &exact()).is_err());
+    }
+}

@@ -84,3 +84,138 @@ pub fn detect(frame: &Frame, region: Region, options: &ColorOptions) -> Detectio
     }
     detection
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Coding, Pixels};
+
+    const GRAY: [f64; 3] = [120.0, 124.0, 128.0];
+    const RED: [f64; 3] = [200.0, 40.0, 35.0];
+
+    /// A picture of 160 x 120 px without noise; `colour` tells what is at a place. Edges are the mean of
+    /// 8 x 8 places in a pixel.
+    fn picture(colour: impl Fn(f64, f64) -> [f64; 3]) -> Frame {
+        let pixel = |x: u32, y: u32| {
+            let mut sum = [0.0; 3];
+            for index in 0..64 {
+                let place = |step: u32| (f64::from(step) + 0.5) / 8.0 - 0.5;
+                let light = colour(f64::from(x) + place(index % 8), f64::from(y) + place(index / 8));
+                sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += light / 64.0);
+            }
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a colour")]
+            sum.map(|value| value.round() as u8)
+        };
+        let samples = (0..120).flat_map(|y| (0..160).flat_map(move |x| pixel(x, y))).collect();
+        Frame::checked(160, 120, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a frame")
+    }
+
+    /// Squared distance in units of the disc's radius.
+    fn off(x: f64, y: f64, [u, v]: [f64; 2], radius: f64) -> f64 {
+        ((x - u).powi(2) + (y - v).powi(2)) / (radius * radius)
+    }
+
+    fn disc(centre: [f64; 2], radius: f64) -> Frame {
+        picture(|x, y| if off(x, y, centre, radius) <= 1.0 { RED } else { GRAY })
+    }
+
+    fn found(frame: &Frame) -> Detection {
+        detect(frame, frame.full(), &ColorOptions::default())
+    }
+
+    fn assert_refused(frame: &Frame, reason: Refusal) {
+        let detection = found(frame);
+        assert_eq!(detection.centroids, [], "{reason:?}");
+        assert!(detection.refused.iter().any(|refused| refused.reason == reason), "{reason:?}: {detection:?}");
+    }
+
+    #[test]
+    fn a_disc_is_found_where_it_is_within_its_deviation() {
+        for (centre, radius) in [([80.0, 60.0], 5.0), ([61.37, 44.81], 2.5), ([99.5, 70.25], 12.0), ([40.9, 30.1], 1.7)]
+        {
+            let detection = found(&disc(centre, radius));
+            let [centroid] = detection.centroids[..] else { panic!("{radius}: {detection:?}") };
+            let error = (centroid.pixel.x - centre[0]).hypot(centroid.pixel.y - centre[1]);
+            // Without noise all that is left is rounding to 8 bits and sampling: well inside three deviations.
+            assert!(error < 3.0 * centroid.sigma_px, "{radius}: {error} px, sigma {}", centroid.sigma_px);
+            let area = std::f64::consts::PI * radius * radius;
+            // Whole pixels above half height: off by some part of the outline's length.
+            assert!((centroid.area_px - area).abs() < 1.0 + radius, "{radius}: {} of {area}", centroid.area_px);
+            assert!(centroid.score > 0.7, "{radius}: {}", centroid.score);
+        }
+    }
+
+    #[test]
+    fn dim_and_bright_discs_are_found_alike() {
+        let dim = GRAY.map(|value| 0.3 * value);
+        let frame = picture(|x, y| match x {
+            _ if off(x, y, [40.3, 60.2], 6.0) <= 1.0 => RED,
+            _ if off(x, y, [120.6, 60.7], 6.0) <= 1.0 => RED.map(|value| 0.3 * value),
+            x if x > 80.0 => dim,
+            _ => GRAY,
+        });
+        let mut at: Vec<f64> = found(&frame).centroids.iter().map(|centroid| centroid.pixel.x).collect();
+        at.sort_by(f64::total_cmp);
+        assert_eq!(at.len(), 2, "{at:?}");
+        assert!((at[0] - 40.3).abs() < 0.1 && (at[1] - 120.6).abs() < 0.1, "{at:?}");
+    }
+
+    #[test]
+    fn a_marker_on_a_reddish_ground_is_found_as_on_a_gray_one() {
+        let brick = [140.0, 95.0, 85.0];
+        let frame = picture(|x, y| match () {
+            () if off(x, y, [80.4, 60.3], 6.0) <= 1.0 => RED,
+            () if (20.0..140.0).contains(&x) && (20.0..100.0).contains(&y) => brick,
+            () => GRAY,
+        });
+        let detection = found(&frame);
+        let [centroid] = detection.centroids[..] else { panic!("{detection:?}") };
+        assert!((centroid.pixel.x - 80.4).hypot(centroid.pixel.y - 60.3) < 0.1, "{centroid:?}");
+    }
+
+    #[test]
+    fn what_is_no_disc_is_refused_with_its_reason() {
+        let centre = [80.0, 60.0];
+        let ring = |x: f64, y: f64| if (0.4..=1.0).contains(&off(x, y, centre, 12.0)) { RED } else { GRAY };
+        assert_refused(&picture(ring), Refusal::Ragged);
+        let bar = |x: f64, y: f64| if (x - 80.0).abs() <= 40.0 && (y - 60.0).abs() <= 2.0 { RED } else { GRAY };
+        assert_refused(&picture(bar), Refusal::Elongated);
+        assert_refused(&disc([0.0, 60.0], 6.0), Refusal::AtBorder);
+        assert_refused(&disc(centre, 30.0), Refusal::TooLarge);
+        let speck = |x: f64, y: f64| if (x - 80.0).abs() <= 1.0 && (y - 60.0).abs() <= 0.5 { RED } else { GRAY };
+        assert_refused(&picture(speck), Refusal::TooSmall);
+    }
+
+    #[test]
+    fn other_colours_are_no_markers_unless_asked_for() {
+        for (name, rgb) in
+            [("green", [35.0, 200.0, 40.0]), ("blue", [35.0, 60.0, 210.0]), ("yellow", [220.0, 210.0, 40.0])]
+        {
+            let frame = picture(|x, y| if off(x, y, [80.0, 60.0], 6.0) <= 1.0 { rgb } else { GRAY });
+            assert_eq!(found(&frame).centroids, [], "{name}");
+            let options = ColorOptions { hue: HueRange::named(name).expect("is named"), ..ColorOptions::default() };
+            assert_eq!(detect(&frame, frame.full(), &options).centroids.len(), 1, "{name}");
+        }
+        let gray = Frame::checked(160, 120, Pixels::Luma(vec![200; 160 * 120]), Coding::LOSSLESS).expect("a frame");
+        assert_eq!(found(&gray), Detection::default());
+    }
+
+    #[test]
+    fn in_a_region_places_are_those_of_the_whole_frame() {
+        let frame = disc([100.25, 70.75], 5.0);
+        let region = Region { x: 80, y: 50, width: 50, height: 40 };
+        let (whole, part) = (found(&frame), detect(&frame, region, &ColorOptions::default()));
+        assert_eq!(part.centroids, whole.centroids);
+        let beside = Region { x: 0, y: 0, width: 60, height: 60 };
+        assert_eq!(detect(&frame, beside, &ColorOptions::default()).centroids, []);
+    }
+
+    #[test]
+    fn beyond_the_most_that_is_asked_for_the_rest_is_told_as_crowded() {
+        let is_disc = |x: f64, y: f64| (0..4).any(|i| off(x, y, [20.0 + 40.0 * f64::from(i), 60.0], 6.0) <= 1.0);
+        let frame = picture(|x, y| if is_disc(x, y) { RED } else { GRAY });
+        let detection = detect(&frame, frame.full(), &ColorOptions { max_centroids: 3, ..ColorOptions::default() });
+        assert_eq!(detection.centroids.len(), 3);
+        assert_eq!(detection.refused.iter().filter(|refused| refused.reason == Refusal::Crowded).count(), 1);
+    }
+}

@@ -44,3 +44,77 @@ pub(super) fn merged(best: (f64, PoseAnswer), rivals: impl Iterator<Item = (f64,
     }
     answer
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix6, Rotation3, Vector3};
+
+    use super::*;
+    use crate::geometry::{CameraFromTarget, PoseCovariance};
+    use crate::solve::Solver;
+
+    /// A pose this far away, known to a centimetre and to 10 mrad.
+    fn estimate(range_m: f64, probability: f64) -> PoseEstimate {
+        PoseEstimate {
+            camera_from_target: CameraFromTarget::new(Rotation3::identity(), Vector3::z() * range_m),
+            covariance: PoseCovariance::checked(Matrix6::identity() * 1e-4).expect("positive definite"),
+            covariance_reliable: true,
+            reprojection_rms_px: 0.1,
+            probability,
+        }
+    }
+
+    /// The first is the best.
+    fn answer(poses: &[PoseEstimate]) -> PoseAnswer {
+        PoseAnswer { best: poses[0], alternatives: poses[1..].to_vec(), solver: Solver::Ippe, ln_evidence: 0.0 }
+    }
+
+    /// Range and probability of each pose.
+    fn poses(answer: &PoseAnswer) -> Vec<[f64; 2]> {
+        let all = std::iter::once(&answer.best).chain(&answer.alternatives);
+        all.map(|e| [e.camera_from_target.translation.z, e.probability]).collect()
+    }
+
+    fn assert_poses(answer: &PoseAnswer, expected: &[[f64; 2]]) {
+        let found = poses(answer);
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
+        }
+    }
+
+    #[test]
+    fn an_answer_without_rivals_stays_as_it_is() {
+        let alone = answer(&[estimate(5.0, 0.7), estimate(6.0, 0.3)]);
+        assert_poses(&merged((1.0, alone), std::iter::empty()), &[[5.0, 0.7], [6.0, 0.3]]);
+    }
+
+    #[test]
+    fn each_pose_has_the_probability_of_its_assignment_times_its_own() {
+        let best = answer(&[estimate(5.0, 0.6), estimate(6.0, 0.4)]);
+        let rival = answer(&[estimate(7.0, 1.0)]);
+        // 0.75 * 0.6, 0.75 * 0.4, 0.25: in the order of probability.
+        assert_poses(&merged((0.75, best), [(0.25, rival)].into_iter()), &[[5.0, 0.45], [6.0, 0.3], [7.0, 0.25]]);
+    }
+
+    #[test]
+    fn a_rivals_pose_may_be_the_most_probable() {
+        let best = answer(&[estimate(5.0, 0.5), estimate(6.0, 0.5)]);
+        let rival = answer(&[estimate(7.0, 1.0)]);
+        assert_poses(&merged((0.6, best), [(0.4, rival)].into_iter()), &[[7.0, 0.4], [5.0, 0.3], [6.0, 0.3]]);
+    }
+
+    #[test]
+    fn poses_that_say_the_same_are_one() {
+        // 2 cm apart: two standard deviations.
+        let rival = answer(&[estimate(5.02, 1.0)]);
+        assert_poses(&merged((0.8, answer(&[estimate(5.0, 1.0)])), [(0.2, rival)].into_iter()), &[[5.0, 1.0]]);
+    }
+
+    #[test]
+    fn what_is_negligible_is_left_out() {
+        let rival = answer(&[estimate(7.0, 1.0)]);
+        let one = merged((1.0 - 5e-5, answer(&[estimate(5.0, 1.0)])), [(5e-5, rival)].into_iter());
+        assert_eq!(one.alternatives, []);
+    }
+}
