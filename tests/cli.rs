@@ -13,6 +13,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::LazyLock;
+use std::time::Duration;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde_json::{Value, json};
@@ -523,6 +524,8 @@ fn the_service_says_where_it_listens_and_on_sigterm_answers_what_is_under_way() 
         let _ = late.write_all(head("GET", "/readyz", 0).as_bytes());
         std::thread::yield_now();
     }
+    // Time in which a service that does not wait would be gone.
+    std::thread::sleep(Duration::from_millis(200));
     open.write_all(second.as_bytes()).expect("is still read");
     let reply = answer(open);
     assert!(reply.starts_with("HTTP/1.1 200") && reply.contains("\"under way\""), "{reply}");
