@@ -211,7 +211,7 @@ fn estimate_pose_near(
     let led_to_best = |refined: &Refined| {
         best.covariance.normalized_error_squared(&best.camera_from_target, &refined.camera_from_target) < 1.0
     };
-    let solver = reached.iter().find(|(_, refined)| led_to_best(refined)).map_or(Solver::Epnp, |(solver, _)| *solver);
+    let solver = reached.iter().find(|(_, refined)| led_to_best(refined)).unwrap_or(&reached[0]).0;
     let refined = PoseAnswer { best, alternatives, solver, ln_evidence };
     match options.solver {
         Some(named) if !options.refine => propagation::unrefined(camera, correspondences, named, &pairs, refined),

@@ -27,7 +27,7 @@ pub(super) fn of(pairs: &[Pair], named: Option<Solver>, known: Option<Start>) ->
             return Err(SolveError::TooFewPoints { solver: "auto", given: pairs.len(), need: 4 }.into());
         }
         None if coplanar => Solver::Ippe,
-        None => Solver::Epnp,
+        None => Solver::Sqpnp,
     };
     let mut starts = Starts::new();
     let answer = first.solve(pairs).map(|poses| starts.extend(poses.into_iter().map(|pose| (first, pose))));

@@ -43,8 +43,17 @@ pub fn sqpnp(pairs: &[Pair], spread: &Spread) -> Result<Solutions, SolveError> {
             SolveError::BehindCamera { solver: "sqpnp" }
         });
     }
-    minima.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(minima.into_iter().map(|(_, pose)| pose).take(4).collect())
+    minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let settled = minima.iter().enumerate().filter(|(rank, minimum)| *rank == 0 || minimum.is_settled);
+    Ok(settled.map(|(_, minimum)| minimum.pose).take(4).collect())
+}
+
+/// Where a search ended.
+struct Minimum {
+    cost: f64,
+    pose: CameraFromTarget,
+    /// The last step was no step; otherwise the search ran out of steps, and its end is as good as its cost.
+    is_settled: bool,
 }
 
 /// The quadratic form, and the translation that goes with a rotation.
@@ -92,28 +101,27 @@ impl Form {
     }
 
     /// All different local minima that are `wanted`, with their costs.
-    fn minima(&self, wanted: impl Fn(&CameraFromTarget) -> bool) -> Vec<(f64, CameraFromTarget)> {
+    fn minima(&self, wanted: impl Fn(&CameraFromTarget) -> bool) -> Vec<Minimum> {
         let eigen = SymmetricEigen::new(self.omega);
         let mut order: [usize; 9] = std::array::from_fn(|i| i);
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
         let largest = eigen.eigenvalues[order[8]];
-        let mut found: Vec<(f64, CameraFromTarget)> = Vec::new();
+        let mut found: Vec<Minimum> = Vec::new();
         for (place, &k) in order.iter().enumerate() {
             let value = eigen.eigenvalues[k];
             // Beyond the null space, a start whose bound is above what is found cannot lead to less.
-            let least = found.iter().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min);
+            let least = found.iter().map(|minimum| minimum.cost).fold(f64::INFINITY, f64::min);
             if place > 0 && value > NULL_RATIO * largest && 3.0 * value > least {
                 break;
             }
             let vector: Vector9 = eigen.eigenvectors.column(k).into();
             for sign in [1.0, -1.0] {
-                let Some((cost, rotation)) = self.descend(&unflat(&(vector * sign))) else { continue };
-                let pose = self.pose(rotation);
-                let known = |(_, other): &(f64, CameraFromTarget)| {
-                    rotation::angle_between_rad(&other.rotation, &pose.rotation) < SAME_WITHIN_RAD
+                let Some(minimum) = self.descend(&unflat(&(vector * sign))) else { continue };
+                let known = |other: &Minimum| {
+                    rotation::angle_between_rad(&other.pose.rotation, &minimum.pose.rotation) < SAME_WITHIN_RAD
                 };
-                if wanted(&pose) && !found.iter().any(known) {
-                    found.push((cost, pose));
+                if wanted(&minimum.pose) && !found.iter().any(known) {
+                    found.push(minimum);
                 }
             }
         }
@@ -124,8 +132,9 @@ impl Form {
     ///
     /// A step D keeps the rows orthonormal to first order where `R D^T + D R^T = I - R R^T`: all solutions are
     /// `D = ((I - R R^T) / 2 + S) R^-T` with S skew, so three unknowns are left.
-    fn descend(&self, start: &Matrix3<f64>) -> Option<(f64, Rotation3<f64>)> {
+    fn descend(&self, start: &Matrix3<f64>) -> Option<Minimum> {
         let mut r: Matrix3<f64> = *rotation::nearest(start)?.matrix();
+        let mut is_settled = false;
         for _ in 0..MAX_STEPS {
             let inverse_transposed = r.transpose().try_inverse()?;
             let towards = (Matrix3::identity() - r * r.transpose()) * 0.5 * inverse_transposed;
@@ -137,12 +146,13 @@ impl Form {
             let turn = curvature.lu().solve(&-slope)?;
             let step = towards + unflat(&(free * turn));
             r += step;
-            if step.norm_squared() < STEP_LIMIT * STEP_LIMIT {
-                let rotation = rotation::nearest(&r)?;
-                return Some((self.cost(&flat(rotation.matrix())), rotation));
+            is_settled = step.norm_squared() < STEP_LIMIT * STEP_LIMIT;
+            if is_settled {
+                break;
             }
         }
-        None
+        let rotation = rotation::nearest(&r)?;
+        Some(Minimum { cost: self.cost(&flat(rotation.matrix())), pose: self.pose(rotation), is_settled })
     }
 }
 
