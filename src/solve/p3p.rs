@@ -27,11 +27,16 @@ pub fn p3p(bearings: &[Vector3<f64>; 3], points: &[Point<space::Target>; 3]) -> 
     // Squared sides in units of the longest.
     let squares = [d12 / longest, d13 / longest, d23 / longest];
     let cosines = [y1.dot(&y2), y1.dot(&y3), y2.dot(&y3)];
+    let Some(target_axes) = axes_of(&[x1, x2, x3]) else { return Solutions::new() };
+    let middle = (x1 + x2 + x3) / 3.0;
+    let length = longest.sqrt();
     depths(&cosines, &squares)
         .into_iter()
         .filter_map(|unit_depths| {
-            let scaled = unit_depths * longest.sqrt();
-            align(&[y1 * scaled[0], y2 * scaled[1], y3 * scaled[2]], &[x1, x2, x3])
+            let [p1, p2, p3] = [y1 * unit_depths.x, y2 * unit_depths.y, y3 * unit_depths.z];
+            let rotation = Rotation3::from_matrix_unchecked(axes_of(&[p1, p2, p3])? * target_axes.transpose());
+            let pose = CameraFromTarget::new(rotation, (p1 + p2 + p3) * (length / 3.0) - rotation * middle);
+            pose.is_finite().then_some(pose)
         })
         .collect()
 }
@@ -78,20 +83,11 @@ fn widest_three(pairs: &[Pair]) -> [usize; 3] {
 }
 
 /// Positive depths with `di^2 + dj^2 - 2 cos_ij di dj = square_ij`.
-fn depths([c12, c13, c23]: &[f64; 3], [s12, s13, s23]: &[f64; 3]) -> ArrayVec<Vector3<f64>, 4> {
-    // The quadratic forms of the three sides.
-    let side = |i: usize, j: usize, cosine: f64| {
-        let mut m = Matrix3::zeros();
-        m[(i, i)] = 1.0;
-        m[(j, j)] = 1.0;
-        m[(i, j)] = -cosine;
-        m[(j, i)] = -cosine;
-        m
-    };
-    let (m12, m13, m23) = (side(0, 1, *c12), side(0, 2, *c13), side(1, 2, *c23));
-    // Two conics through all solutions.
-    let first = m12 * *s23 - m23 * *s12;
-    let second = m13 * *s23 - m23 * *s13;
+fn depths(cosines: &[f64; 3], squares: &[f64; 3]) -> ArrayVec<Vector3<f64>, 4> {
+    let ([c12, c13, c23], [s12, s13, s23]) = (*cosines, *squares);
+    // Two conics through all solutions: the equations' homogeneous combinations without a constant.
+    let first = Conic { xx: s23, xy: -s23 * c12, xz: 0.0, yy: s23 - s12, yz: s12 * c23, zz: -s12 };
+    let second = Conic { xx: s23, xy: 0.0, xz: -s23 * c13, yy: -s13, yz: s13 * c23, zz: s23 - s13 };
     let mut found = ArrayVec::new();
     let Some(lines) = degenerate_lines(&first, &second) else {
         return found;
@@ -102,13 +98,15 @@ fn depths([c12, c13, c23]: &[f64; 3], [s12, s13, s23]: &[f64; 3]) -> ArrayVec<Ve
             if !same_sign {
                 continue;
             }
-            let quadratic = |m: &Matrix3<f64>| ratio.dot(&(m * ratio));
-            let scale = ((s12 + s13 + s23) / (quadratic(&m12) + quadratic(&m13) + quadratic(&m23))).sqrt();
+            let [x, y, z] = [ratio.x, ratio.y, ratio.z];
+            let sides = 2.0 * (x * x + y * y + z * z - c12 * x * y - c13 * x * z - c23 * y * z);
+            let scale = ((s12 + s13 + s23) / sides).sqrt();
             if !scale.is_finite() {
                 continue;
             }
-            let polished = polish(ratio.abs() * scale, [c12, c13, c23], [s12, s13, s23]);
-            let fresh = found.iter().all(|d: &Vector3<f64>| (d - polished).norm() > 1e-9 * polished.norm());
+            let polished = polish(ratio.abs() * scale, cosines, squares);
+            let fresh =
+                found.iter().all(|d: &Vector3<f64>| (d - polished).norm_squared() > 1e-18 * polished.norm_squared());
             if polished.iter().all(|d| *d > 0.0 && d.is_finite()) && fresh && !found.is_full() {
                 found.push(polished);
             }
@@ -117,45 +115,123 @@ fn depths([c12, c13, c23]: &[f64; 3], [s12, s13, s23]: &[f64; 3]) -> ArrayVec<Ve
     found
 }
 
+/// A symmetric 3 x 3 matrix as the conic that it is.
+#[derive(Clone, Copy)]
+struct Conic {
+    xx: f64,
+    xy: f64,
+    xz: f64,
+    yy: f64,
+    yz: f64,
+    zz: f64,
+}
+
+impl Conic {
+    /// `self + x other`.
+    fn plus(&self, x: f64, other: &Self) -> Self {
+        Self {
+            xx: self.xx + x * other.xx,
+            xy: self.xy + x * other.xy,
+            xz: self.xz + x * other.xz,
+            yy: self.yy + x * other.yy,
+            yz: self.yz + x * other.yz,
+            zz: self.zz + x * other.zz,
+        }
+    }
+
+    fn adjugate(&self) -> Self {
+        Self {
+            xx: self.yy * self.zz - self.yz * self.yz,
+            xy: self.xz * self.yz - self.xy * self.zz,
+            xz: self.xy * self.yz - self.xz * self.yy,
+            yy: self.xx * self.zz - self.xz * self.xz,
+            yz: self.xy * self.xz - self.xx * self.yz,
+            zz: self.xx * self.yy - self.xy * self.xy,
+        }
+    }
+
+    /// Sum of the products of the entries of both matrices.
+    fn dot(&self, other: &Self) -> f64 {
+        self.xx * other.xx
+            + self.yy * other.yy
+            + self.zz * other.zz
+            + 2.0 * (self.xy * other.xy + self.xz * other.xz + self.yz * other.yz)
+    }
+
+    fn of(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::new(
+            self.xx * v.x + self.xy * v.y + self.xz * v.z,
+            self.xy * v.x + self.yy * v.y + self.yz * v.z,
+            self.xz * v.x + self.yz * v.y + self.zz * v.z,
+        )
+    }
+
+    /// The two lines of which a degenerate conic consists, if they are real, and how clearly they are.
+    fn lines(&self) -> Option<(f64, [Vector3<f64>; 2])> {
+        let cofactors = self.adjugate();
+        // The adjugate of a pair of lines is minus the square of their intersection.
+        let p = if cofactors.xx <= cofactors.yy.min(cofactors.zz) {
+            Vector3::new(cofactors.xx, cofactors.xy, cofactors.xz) / (-cofactors.xx).sqrt()
+        } else if cofactors.yy <= cofactors.zz {
+            Vector3::new(cofactors.xy, cofactors.yy, cofactors.yz) / (-cofactors.yy).sqrt()
+        } else {
+            Vector3::new(cofactors.xz, cofactors.yz, cofactors.zz) / (-cofactors.zz).sqrt()
+        };
+        let strength = -cofactors.xx.min(cofactors.yy).min(cofactors.zz) / self.dot(self);
+        if !(strength > 1e-14) {
+            return None;
+        }
+        // With their intersection's cross product added the matrix has rank one: its rows are one line, its columns the other.
+        let m = Matrix3::new(
+            self.xx,
+            self.xy + p.z,
+            self.xz - p.y,
+            self.xy - p.z,
+            self.yy,
+            self.yz + p.x,
+            self.xz + p.y,
+            self.yz - p.x,
+            self.zz,
+        );
+        let largest = largest_entry(&m);
+        Some((strength, [m.row(largest.0).transpose(), m.column(largest.1).into()]))
+    }
+}
+
+/// Lines as clear as this need no comparison with those of the pencil's other degenerate members.
+const CLEARLY_REAL: f64 = 1e-3;
+
 /// The two real lines of a degenerate conic `first + x second`; `None` if no member of the pencil splits into real lines.
-fn degenerate_lines(first: &Matrix3<f64>, second: &Matrix3<f64>) -> Option<[Vector3<f64>; 2]> {
+fn degenerate_lines(first: &Conic, second: &Conic) -> Option<[Vector3<f64>; 2]> {
     // det(first + x second) as a cubic in x.
-    let adjugate_first = adjugate(first);
-    let adjugate_second = adjugate(second);
+    let (adjugate_first, adjugate_second) = (first.adjugate(), second.adjugate());
     let cubic = [
-        second.determinant(),
-        (first.transpose().component_mul(&adjugate_second)).sum(),
-        (second.transpose().component_mul(&adjugate_first)).sum(),
-        first.determinant(),
+        second.dot(&adjugate_second) / 3.0,
+        first.dot(&adjugate_second),
+        second.dot(&adjugate_first),
+        first.dot(&adjugate_first) / 3.0,
     ];
-    // The member whose lines are most clearly real.
-    real_cubic_roots(cubic)
-        .into_iter()
-        .map(|x| first + second * x)
-        .filter_map(|conic| {
-            let cofactors = -adjugate(&conic);
-            let size = conic.norm_squared();
-            let pivot = (0..3).max_by(|&a, &b| cofactors[(a, a)].total_cmp(&cofactors[(b, b)]))?;
-            let strength = cofactors[(pivot, pivot)] / size;
-            (strength > 1e-14).then_some((conic, cofactors, pivot, strength))
-        })
-        .max_by(|a, b| a.3.total_cmp(&b.3))
-        .and_then(|(conic, cofactors, pivot, _)| {
-            // The lines' intersection, scaled so that conic + [p]x has rank one: its rows are one line, its columns the other.
-            let p = cofactors.column(pivot) / cofactors[(pivot, pivot)].sqrt();
-            let product = conic + crate::geometry::rotation::cross_matrix(&p.into_owned());
-            let (row, column) =
-                (0..9).map(|i| (i / 3, i % 3)).max_by(|&a, &b| product[a].abs().total_cmp(&product[b].abs()))?;
-            Some([product.row(row).transpose().normalize(), product.column(column).normalize()])
-        })
+    let lines_at = |x: f64| first.plus(x, second).lines();
+    let cubic = Cubic::of(cubic)?;
+    let root = cubic.outer_root();
+    let found = root.and_then(lines_at);
+    if found.is_some_and(|(strength, _)| strength > CLEARLY_REAL) {
+        return found.map(|(_, lines)| lines);
+    }
+    // Rarely: the other members of the pencil that degenerate.
+    let others = cubic.other_roots(root).into_iter().filter_map(lines_at);
+    found.into_iter().chain(others).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, lines)| lines)
 }
 
 /// Where a line meets the conics: up to two points, taken from the conic that is better conditioned there.
-fn meet(line: &Vector3<f64>, first: &Matrix3<f64>, second: &Matrix3<f64>) -> ArrayVec<Vector3<f64>, 2> {
-    // An orthonormal basis of the line's points.
+fn meet(line: &Vector3<f64>, first: &Conic, second: &Conic) -> ArrayVec<Vector3<f64>, 2> {
+    // An orthogonal basis of the line's points.
     let a = line.cross(&smallest_axis(line)).normalize();
-    let b = line.cross(&a);
-    let along = |m: &Matrix3<f64>| (a.dot(&(m * a)), a.dot(&(m * b)), b.dot(&(m * b)));
+    let b = line.cross(&a) / line.norm();
+    let along = |m: &Conic| {
+        let (ma, mb) = (m.of(&a), m.of(&b));
+        (a.dot(&ma), a.dot(&mb), b.dot(&mb))
+    };
     let weight = |(aa, ab, bb): (f64, f64, f64)| aa.abs().max(ab.abs()).max(bb.abs());
     let (aa, ab, bb) = {
         let (f, s) = (along(first), along(second));
@@ -173,7 +249,12 @@ fn meet(line: &Vector3<f64>, first: &Matrix3<f64>, second: &Matrix3<f64>) -> Arr
     let root = discriminant.sqrt();
     // Stable pair of homogeneous roots of aa u^2 + 2 ab u v + bb v^2.
     let q = -(ab + root.copysign(ab));
-    [(q, aa), (bb, q)].into_iter().filter(|(u, v)| u.hypot(*v) > 0.0).map(|(u, v)| a * u + b * v).collect()
+    [(q, aa), (bb, q)].into_iter().filter(|(u, v)| *u != 0.0 || *v != 0.0).map(|(u, v)| a * u + b * v).collect()
+}
+
+fn largest_entry(m: &Matrix3<f64>) -> (usize, usize) {
+    let column = (0..3).max_by(|&a, &b| m.column(a).amax().total_cmp(&m.column(b).amax())).unwrap_or(0);
+    (m.column(column).iamax(), column)
 }
 
 fn smallest_axis(v: &Vector3<f64>) -> Vector3<f64> {
@@ -183,96 +264,113 @@ fn smallest_axis(v: &Vector3<f64>) -> Vector3<f64> {
 }
 
 /// Newton's method on the three depth equations: two or three steps reach rounding.
-fn polish(start: Vector3<f64>, [c12, c13, c23]: [&f64; 3], [s12, s13, s23]: [&f64; 3]) -> Vector3<f64> {
-    let mut d = start;
+fn polish(start: Vector3<f64>, [c12, c13, c23]: &[f64; 3], [s12, s13, s23]: &[f64; 3]) -> Vector3<f64> {
+    let [mut x, mut y, mut z] = [start.x, start.y, start.z];
     for _ in 0..4 {
-        let residual = Vector3::new(
-            d[0] * d[0] + d[1] * d[1] - 2.0 * c12 * d[0] * d[1] - s12,
-            d[0] * d[0] + d[2] * d[2] - 2.0 * c13 * d[0] * d[2] - s13,
-            d[1] * d[1] + d[2] * d[2] - 2.0 * c23 * d[1] * d[2] - s23,
-        );
-        if residual.amax() < 1e-15 * d.norm_squared() {
+        let r12 = x * x + y * y - 2.0 * c12 * x * y - s12;
+        let r13 = x * x + z * z - 2.0 * c13 * x * z - s13;
+        let r23 = y * y + z * z - 2.0 * c23 * y * z - s23;
+        if r12.abs().max(r13.abs()).max(r23.abs()) < 4e-15 * (x * x + y * y + z * z) {
             break;
         }
-        let jacobian = Matrix3::new(
-            d[0] - c12 * d[1],
-            d[1] - c12 * d[0],
-            0.0,
-            d[0] - c13 * d[2],
-            0.0,
-            d[2] - c13 * d[0],
-            0.0,
-            d[1] - c23 * d[2],
-            d[2] - c23 * d[1],
-        );
-        match jacobian.try_inverse() {
-            Some(inverse) => d -= inverse * residual * 0.5,
-            None => break,
+        // Half the Jacobian is [a b 0; c 0 d; 0 e f].
+        let (a, b) = (x - c12 * y, y - c12 * x);
+        let (c, d) = (x - c13 * z, z - c13 * x);
+        let (e, f) = (y - c23 * z, z - c23 * y);
+        let half = -0.5 / (a * d * e + b * c * f);
+        if !half.is_finite() {
+            break;
         }
+        x += half * (d * e * r12 + b * f * r13 - b * d * r23);
+        y += half * (c * f * r12 - a * f * r13 + a * d * r23);
+        z += half * (-c * e * r12 + a * e * r13 + b * c * r23);
     }
-    d
+    Vector3::new(x, y, z)
 }
 
-/// The rigid motion that takes the triangle `to` (target) onto the triangle `from` (camera).
-fn align(camera: &[Vector3<f64>; 3], target: &[Vector3<f64>; 3]) -> Option<CameraFromTarget> {
-    let basis = |[a, b, c]: &[Vector3<f64>; 3]| {
-        let x = (b - a).try_normalize(0.0)?;
-        let z = x.cross(&(c - a)).try_normalize(0.0)?;
-        Some(Matrix3::from_columns(&[x, z.cross(&x), z]))
-    };
-    let rotation = Rotation3::from_matrix_unchecked(basis(camera)? * basis(target)?.transpose());
-    let middle = |[a, b, c]: &[Vector3<f64>; 3]| (a + b + c) / 3.0;
-    let pose = CameraFromTarget::new(rotation, middle(camera) - rotation * middle(target));
-    pose.is_finite().then_some(pose)
+/// Orthonormal axes of a triangle: along its first side, in its plane, along its normal.
+fn axes_of([a, b, c]: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
+    let x = (b - a).try_normalize(0.0)?;
+    let z = x.cross(&(c - a)).try_normalize(0.0)?;
+    Some(Matrix3::from_columns(&[x, z.cross(&x), z]))
 }
 
-fn adjugate(m: &Matrix3<f64>) -> Matrix3<f64> {
-    let (a, b, c) = (m.row(0).transpose(), m.row(1).transpose(), m.row(2).transpose());
-    Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
+/// `x^3 + b x^2 + c x + d`, or without its first term.
+struct Cubic {
+    has_cube: bool,
+    b: f64,
+    c: f64,
+    d: f64,
 }
 
-/// The real roots of `c0 x^3 + c1 x^2 + c2 x + c3`, each polished by Newton's method.
-fn real_cubic_roots([c0, c1, c2, c3]: [f64; 4]) -> ArrayVec<f64, 3> {
-    let mut roots = ArrayVec::new();
-    let largest = c0.abs().max(c1.abs()).max(c2.abs()).max(c3.abs());
-    if !(largest > 0.0 && largest.is_finite()) {
-        return roots;
-    }
-    if c0.abs() <= 1e-14 * largest {
-        // A quadratic; the third root has gone to infinity.
-        let discriminant = c2 * c2 - 4.0 * c1 * c3;
-        if discriminant >= 0.0 {
-            let q = -0.5 * (c2 + discriminant.sqrt().copysign(c2));
-            roots.extend([q / c1, c3 / q].into_iter().filter(|x| x.is_finite()));
+impl Cubic {
+    fn of([c0, c1, c2, c3]: [f64; 4]) -> Option<Self> {
+        let largest = c0.abs().max(c1.abs()).max(c2.abs()).max(c3.abs());
+        if !(largest > 0.0 && largest.is_finite()) {
+            return None;
         }
-        return roots;
+        // Without a cube, one root has gone to infinity.
+        let has_cube = c0.abs() > 1e-14 * largest;
+        let unit = if has_cube { 1.0 / c0 } else { 1.0 };
+        Some(Self { has_cube, b: c1 * unit, c: c2 * unit, d: c3 * unit })
     }
-    let (b, c, d) = (c1 / c0, c2 / c0, c3 / c0);
-    let shift = b / 3.0;
-    let p = c - b * shift;
-    let q = shift * (2.0 * shift * shift - c) + d;
-    let discriminant = 0.25 * q * q + p * p * p / 27.0;
-    if discriminant > 0.0 {
-        let root = discriminant.sqrt();
-        let u = (-0.5 * q - root.copysign(q)).cbrt();
-        let v = if u == 0.0 { 0.0 } else { -p / (3.0 * u) };
-        roots.push(u + v - shift);
-    } else {
-        let radius = 2.0 * (-p / 3.0).max(0.0).sqrt();
-        let angle = if radius == 0.0 { 0.0 } else { (3.0 * q / (p * radius)).clamp(-1.0, 1.0).acos() / 3.0 };
-        for k in 0..3 {
-            roots.push(radius * (angle - f64::from(k) * std::f64::consts::TAU / 3.0).cos() - shift);
+
+    fn at(&self, x: f64) -> f64 {
+        ((x + self.b) * x + self.c) * x + self.d
+    }
+
+    /// A Newton step.
+    fn improved(&self, x: f64) -> f64 {
+        x - self.at(x) / ((3.0 * x + 2.0 * self.b) * x + self.c)
+    }
+
+    /// The real root outside of both turning points, by Newton's method from a bound of all roots: there the slope only
+    /// falls, so no step overshoots.
+    fn outer_root(&self) -> Option<f64> {
+        if !self.has_cube {
+            return None;
         }
-    }
-    for x in &mut roots {
-        for _ in 0..2 {
-            let value = ((*x + b) * *x + c) * *x + d;
-            let slope = (3.0 * *x + 2.0 * b) * *x + c;
-            let step = value / slope;
-            if step.is_finite() && step.abs() < 0.1 * (1.0 + x.abs()) {
-                *x -= step;
+        let turn = -self.b / 3.0;
+        let height = self.at(turn);
+        // With the turn as origin, y^3 + p y + height: if the roots are three, the outermost lies within 2 sqrt(-p / 3).
+        let p = self.c + self.b * turn;
+        let bound = if p < 0.0 { 2.0 * (-p / 3.0).sqrt() } else { 0.0 };
+        let mut x = turn - (bound.max(height.abs().cbrt())).copysign(height);
+        for _ in 0..60 {
+            let next = self.improved(x);
+            let is_settled = (next - x).abs() <= 1e-7 * x.abs();
+            x = next;
+            if is_settled {
+                break;
             }
         }
+        // The last step was below 1e-7 of it, so the next one is below rounding.
+        x = self.improved(x);
+        x.is_finite().then_some(x)
     }
-    roots
+
+    /// The real roots beside `known`.
+    fn other_roots(&self, known: Option<f64>) -> ArrayVec<f64, 2> {
+        let Some(x) = known else { return real_quadratic_roots([self.b, self.c, self.d]) };
+        let linear = self.b + x;
+        let roots = real_quadratic_roots([1.0, linear, self.c + x * linear]);
+        let polished = |x: f64| {
+            let better = self.improved(self.improved(x));
+            if (better - x).abs() < 0.1 * (1.0 + x.abs()) { better } else { x }
+        };
+        roots.into_iter().map(polished).collect()
+    }
 }
+
+/// The real roots of `a x^2 + b x + c`; both of a pair that rounding has made complex.
+fn real_quadratic_roots([a, b, c]: [f64; 3]) -> ArrayVec<f64, 2> {
+    let discriminant = b * b - 4.0 * a * c;
+    if discriminant < -1e-12 * b * b {
+        return ArrayVec::new();
+    }
+    let q = -0.5 * (b + discriminant.max(0.0).sqrt().copysign(b));
+    [q / a, c / q].into_iter().filter(|x| x.is_finite()).collect()
+}
+
+#[cfg(test)]
+mod tests;
