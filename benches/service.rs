@@ -139,7 +139,9 @@ fn task(runtime: &Runtime) -> FrameTask {
         targets: vec![Ref::Object(TargetWire::from(&wing().target))],
         ..FrameRequest::default()
     };
-    runtime.block_on(FrameTask::for_estimate(request, &mut Lookup::new(None))).expect("a good request")
+    runtime
+        .block_on(FrameTask::for_estimate(request, &Lookup::new(None, std::sync::Arc::default())))
+        .expect("a good request")
 }
 
 fn work(task: &FrameTask, frame: &[u8]) {

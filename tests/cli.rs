@@ -154,6 +154,21 @@ fn no_pose_to_be_had_is_no_failure() {
 }
 
 #[test]
+fn many_requests_in_one_have_one_line_as_over_http() {
+    let mut senseless = square("senseless");
+    senseless["camera"]["fx"] = json!(-600);
+    let said = fed(&["pose"], &json!({"requests": [square("a"), senseless, square("b")]}).to_string());
+    assert_eq!(said.code, Some(2), "{said:?}");
+    let [reply] = said.lines().try_into().expect("one line");
+    assert_square(&reply["replies"][0]);
+    assert_eq!(
+        (&reply["replies"][1]["id"], &reply["replies"][1]["error"]["status"]),
+        (&json!("senseless"), &json!(422))
+    );
+    assert_square(&reply["replies"][2]);
+}
+
+#[test]
 fn a_request_may_be_spread_over_lines_as_people_print_them() {
     let pretty = |id: &str| serde_json::to_string_pretty(&square(id)).expect("JSON");
     let said = fed(&["pose"], &format!("{}\n{}\n{}\n", pretty("one"), square("two"), pretty("three")));

@@ -82,8 +82,8 @@ impl SettingsArgs {
 enum Stop {
     /// Something is wrong with what was given, or with us.
     Fault(Fault),
-    /// Some of many inputs were bad; each has been told of.
-    SomeFailed,
+    /// Some of many inputs failed; each has been told of. The worst of it.
+    SomeFailed(FaultKind),
     /// The reader of our output has gone.
     NobodyReads,
 }
@@ -118,11 +118,33 @@ pub fn run() -> ExitCode {
     };
     match result {
         Ok(()) | Err(Stop::NobodyReads) => ExitCode::SUCCESS,
-        Err(Stop::SomeFailed) => ExitCode::from(2),
+        Err(Stop::SomeFailed(worst)) => exit_code(worst),
         Err(Stop::Fault(fault)) => {
             super::console::complain(&fault.to_string());
-            ExitCode::from(if fault.kind == FaultKind::Internal { 1 } else { 2 })
+            exit_code(fault.kind)
         }
+    }
+}
+
+fn exit_code(kind: FaultKind) -> ExitCode {
+    ExitCode::from(if kind == FaultKind::Internal { 1 } else { 2 })
+}
+
+/// What of many inputs failed.
+#[derive(Default)]
+struct Failures(Option<FaultKind>);
+
+impl Failures {
+    /// Tells of one.
+    fn add(&mut self, place: &str, fault: &Fault) {
+        super::console::complain(&format!("{place}: {fault}"));
+        if self.0 != Some(FaultKind::Internal) {
+            self.0 = Some(fault.kind);
+        }
+    }
+
+    fn into_result(self) -> Result<(), Stop> {
+        self.0.map_or(Ok(()), |worst| Err(Stop::SomeFailed(worst)))
     }
 }
 

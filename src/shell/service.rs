@@ -4,6 +4,7 @@ pub mod compute;
 pub mod lookup;
 pub mod workers;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use bytes::Bytes;
@@ -13,7 +14,7 @@ use super::fault::Fault;
 use super::store::Store;
 use super::wire::{DetectionReply, EstimateReply, FrameRequest, PoseReplies, PoseReply, PoseRequest};
 use compute::Terms;
-use lookup::Lookup;
+use lookup::{Known, Lookup};
 use workers::Workers;
 
 /// The service without its doors.
@@ -22,6 +23,7 @@ pub struct Service {
     settings: Settings,
     store: Store,
     workers: Workers,
+    known: Arc<Known>,
 }
 
 impl Service {
@@ -32,7 +34,7 @@ impl Service {
     pub async fn start(settings: Settings) -> Result<Self, Fault> {
         let store = Store::open(&settings.store.data).await?;
         let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
-        Ok(Self { settings, store, workers })
+        Ok(Self { settings, store, workers, known: Arc::default() })
     }
 
     /// The settings.
@@ -58,7 +60,7 @@ impl Service {
     }
 
     fn lookup(&self) -> Lookup<'_> {
-        Lookup::new(Some(&self.store))
+        Lookup::new(Some(&self.store), self.known.clone())
     }
 
     /// Points to pose.
@@ -67,7 +69,7 @@ impl Service {
     /// What is wrong with the request, or that the service is full.
     pub async fn pose(&self, request: PoseRequest, deadline: Instant) -> Result<PoseReply, Fault> {
         let terms = Terms::of(&self.settings);
-        let task = compute::PoseTask::checked(request, &mut self.lookup(), &terms).await?;
+        let task = compute::PoseTask::checked(request, &self.lookup(), &terms).await?;
         self.workers.run(deadline, move || task.reply(&terms)).await
     }
 
@@ -82,10 +84,10 @@ impl Service {
             return Err(Fault::new(super::fault::FaultKind::TooLarge, detail));
         }
         let terms = Terms::of(&self.settings);
-        let mut lookup = self.lookup();
+        let lookup = self.lookup();
         let mut tasks = Vec::with_capacity(requests.len());
         for request in requests {
-            tasks.push(compute::BatchItem::read(request, &mut lookup, &terms).await);
+            tasks.push(compute::BatchItem::read(request, &lookup, &terms).await);
         }
         self.workers.run(deadline, move || compute::batch(tasks, &terms)).await
     }
@@ -101,7 +103,7 @@ impl Service {
         deadline: Instant,
     ) -> Result<DetectionReply, Fault> {
         let terms = Terms::of(&self.settings);
-        let task = compute::FrameTask::checked(request, &mut self.lookup()).await?;
+        let task = compute::FrameTask::checked(request, &self.lookup()).await?;
         let work = move || {
             let (frame, detection, timing) = task.detected(&frame, &terms)?;
             Ok(task.detection_reply(&frame, &detection, timing))
@@ -120,7 +122,7 @@ impl Service {
         deadline: Instant,
     ) -> Result<EstimateReply, Fault> {
         let terms = Terms::of(&self.settings);
-        let task = compute::FrameTask::for_estimate(request, &mut self.lookup()).await?;
+        let task = compute::FrameTask::for_estimate(request, &self.lookup()).await?;
         let work = move || {
             let (frame, estimate, timing) = task.estimated(&frame, &terms)?;
             Ok(task.estimate_reply(&frame, &estimate, timing))

@@ -1,6 +1,8 @@
 //! Cameras and targets by name, in one SQLite file.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 
@@ -65,6 +67,7 @@ pub enum Put {
 #[derive(Clone, Debug)]
 pub struct Store {
     pool: SqlitePool,
+    changes: Arc<AtomicU64>,
 }
 
 impl Store {
@@ -82,7 +85,13 @@ impl Store {
             .busy_timeout(std::time::Duration::from_secs(5));
         let pool = SqlitePoolOptions::new().max_connections(4).connect_with(options).await?;
         sqlx::migrate!("src/shell/store/migrations").run(&pool).await?;
-        Ok(Self { pool })
+        Ok(Self { pool, changes: Arc::default() })
+    }
+
+    /// How often this process has changed something: what was read at one count holds until the next.
+    #[must_use]
+    pub fn changes(&self) -> u64 {
+        self.changes.load(Ordering::Acquire)
     }
 
     /// The thing of this name.
@@ -134,6 +143,7 @@ impl Store {
         .execute(&mut *change)
         .await?;
         change.commit().await?;
+        self.changes.fetch_add(1, Ordering::Release);
         Ok((if current.is_some() { Put::Replaced } else { Put::Created }, stored))
     }
 
@@ -158,6 +168,7 @@ impl Store {
             .execute(&mut *change)
             .await?;
         change.commit().await?;
+        self.changes.fetch_add(1, Ordering::Release);
         Ok(true)
     }
 

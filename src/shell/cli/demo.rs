@@ -128,7 +128,7 @@ async fn annotated(jpeg: &[u8]) -> Result<Vec<u8>, Fault> {
         targets: vec![Ref::Object(TargetWire::from(&wing().target))],
         ..FrameRequest::default()
     };
-    let task = FrameTask::for_estimate(request, &mut Lookup::new(None)).await?;
+    let task = FrameTask::for_estimate(request, &Lookup::new(None, std::sync::Arc::default())).await?;
     let (frame, estimate, _) = task.estimated(jpeg, &Terms::of(&Settings::default()))?;
     let overlay = Overlay::of(&estimate.detection, task.targets(), &estimate.targets);
     let drawn = Frame::from_rgb_image(annotate(&frame, task.camera(), &overlay)).map_err(internal)?;

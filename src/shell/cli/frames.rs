@@ -9,9 +9,9 @@ use serde_json::Value;
 use super::inputs::{bytes_of, frames_of, json_of, unreadable_source};
 use super::pictures::Pictures;
 use super::requests::Requests;
-use super::{SettingsArgs, Stop, runtime};
+use super::{Failures, SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
-use crate::shell::console::{complain, print_line, progress};
+use crate::shell::console::{print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Terms};
 use crate::shell::service::lookup::Lookup;
@@ -141,7 +141,7 @@ impl Frames {
     /// The frames with what is asked of each.
     fn jobs(&self, request: &FrameRequest) -> Result<Vec<Job>, Fault> {
         let Some(file) = &self.requests else {
-            let job = |path| Job { path, request: Ok(request.clone()) };
+            let job = |path| Job { path, id: None, request: Ok(request.clone()) };
             return Ok(frames_of(&self.inputs)?.into_iter().map(job).collect());
         };
         let unusable = |error: std::io::Error| Fault::new(FaultKind::Unreadable, error.to_string());
@@ -161,6 +161,7 @@ impl Frames {
 /// One frame and what is asked of it.
 struct Job {
     path: PathBuf,
+    id: Option<Value>,
     request: Result<FrameRequest, Fault>,
 }
 
@@ -168,6 +169,7 @@ impl Job {
     /// A relative path counts from here, or else from the folder of the file.
     fn of(request: Result<Value, Fault>, folder: &Path) -> Self {
         let mut path = PathBuf::new();
+        let id = request.as_ref().ok().and_then(|request| request.get("id").cloned());
         let request = request.and_then(|mut request| {
             let frame = request.as_object_mut().and_then(|object| object.remove("frame"));
             let Some(Value::String(frame)) = frame else {
@@ -179,7 +181,7 @@ impl Job {
             }
             from_value(request)
         });
-        Self { path, request }
+        Self { path, id, request }
     }
 }
 
@@ -201,6 +203,8 @@ struct Line<T> {
 
 #[derive(Serialize)]
 struct Failed {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    id: Option<Value>,
     error: Problem,
 }
 
@@ -212,20 +216,20 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
         Some(folder) => Some(runtime.block_on(Store::open(folder)).map_err(Fault::from)?),
         None => None,
     };
-    let mut lookup = Lookup::new(store.as_ref());
+    let lookup = Lookup::new(store.as_ref(), std::sync::Arc::default());
     let jobs = frames.jobs(request)?;
     let sources: Vec<&Path> = jobs.iter().map(|job| job.path.as_path()).collect();
     let mut pictures = Pictures::new(frames.annotate.as_deref(), &sources)?;
     let bar = progress(jobs.len(), "frames");
-    let mut failed = false;
+    let mut failures = Failures::default();
     for (index, job) in jobs.into_iter().enumerate() {
         let source = job.path.display().to_string();
         let frame_index = frames.sequence.then_some(index);
         let answer = job.request.and_then(|request| {
             let task = runtime.block_on(async {
                 match kind {
-                    Kind::Detection => FrameTask::checked(request, &mut lookup).await,
-                    Kind::Estimate => FrameTask::for_estimate(request, &mut lookup).await,
+                    Kind::Detection => FrameTask::checked(request, &lookup).await,
+                    Kind::Estimate => FrameTask::for_estimate(request, &lookup).await,
                 }
             })?;
             answer(&job.path, &task, &terms, kind, &mut pictures)
@@ -233,16 +237,15 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
         let line = match answer {
             Ok(reply) => to_line(Line { source, frame_index, reply })?,
             Err(fault) => {
-                bar.suspend(|| complain(&format!("{source}: {fault}")));
-                failed = true;
-                to_line(Line { source, frame_index, reply: Failed { error: (&fault).into() } })?
+                bar.suspend(|| failures.add(&source, &fault));
+                to_line(Line { source, frame_index, reply: Failed { id: job.id, error: (&fault).into() } })?
             }
         };
         bar.suspend(|| print_line(&line))?;
         bar.inc(1);
     }
     bar.finish_and_clear();
-    if failed { Err(Stop::SomeFailed) } else { Ok(()) }
+    failures.into_result()
 }
 
 fn answer(path: &Path, task: &FrameTask, terms: &Terms, kind: Kind, pictures: &mut Pictures) -> Result<Value, Fault> {

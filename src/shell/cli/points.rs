@@ -1,15 +1,17 @@
 //! `skypose pose`.
 
 use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
 
 use super::requests::Requests;
-use super::{SettingsArgs, Stop, runtime};
-use crate::shell::console::{complain, print_line};
+use super::{Failures, SettingsArgs, Stop, runtime};
+use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
-use crate::shell::service::compute::{BatchItem, Terms};
+use crate::shell::service::compute::{BatchItem, Terms, batch};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
-use crate::shell::wire::pose::PoseReplyOrError;
+use crate::shell::wire::{PoseBatch, from_value};
 
 #[derive(Args, Debug)]
 pub(super) struct Pose {
@@ -27,24 +29,37 @@ impl Pose {
             Some(folder) => Some(runtime.block_on(Store::open(&folder)).map_err(Fault::from)?),
             None => None,
         };
-        let mut lookup = Lookup::new(store.as_ref());
-        let mut failed = false;
+        let lookup = Lookup::new(store.as_ref(), std::sync::Arc::default());
+        let mut failures = Failures::default();
         for read in Requests::of(std::io::stdin().lock()) {
             let (number, request) = read?;
-            let item = match request {
-                Ok(request) => runtime.block_on(BatchItem::read(request, &mut lookup, &terms)),
-                Err(fault) => BatchItem::Failed(None, fault),
+            let mut check = |request: Result<Value, Fault>| {
+                let item = match request {
+                    Ok(request) => runtime.block_on(BatchItem::read(request, &lookup, &terms)),
+                    Err(fault) => BatchItem::Failed(None, fault),
+                };
+                if let BatchItem::Failed(_, fault) = &item {
+                    failures.add(&format!("line {number}"), fault);
+                }
+                item
             };
-            if let BatchItem::Failed(_, fault) = &item {
-                complain(&format!("line {number}: {fault}"));
-                failed = true;
-            }
-            print_line(&json_line(&item.reply(&terms))?)?;
+            let line = match request {
+                // Many in one, as over HTTP.
+                Ok(many) if many.get("requests").is_some() => match from_value::<PoseBatch>(many) {
+                    Ok(many) => {
+                        let items = many.requests.into_iter().map(|request| check(Ok(request))).collect();
+                        json_line(&batch(items, &terms))?
+                    }
+                    Err(fault) => json_line(&check(Err(fault)).reply(&terms))?,
+                },
+                one => json_line(&check(one).reply(&terms))?,
+            };
+            print_line(&line)?;
         }
-        if failed { Err(Stop::SomeFailed) } else { Ok(()) }
+        failures.into_result()
     }
 }
 
-fn json_line(reply: &PoseReplyOrError) -> Result<String, Fault> {
+fn json_line<T: Serialize>(reply: &T) -> Result<String, Fault> {
     serde_json::to_string(reply).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))
 }

@@ -1,6 +1,8 @@
 //! Cameras and targets, given or named.
 
 use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use crate::camera::Camera;
 use crate::shell::fault::{Fault, FaultKind};
@@ -8,34 +10,50 @@ use crate::shell::store::{Kind, Store};
 use crate::shell::wire::{CameraWire, Ref, TargetWire, from_json};
 use crate::target::Target;
 
-/// Finds what a request names; each name is looked up once.
+/// A named thing is read anew after this time, should another process have changed the file.
+const FRESH: Duration = Duration::from_secs(1);
+
+/// Most things kept.
+const MOST_KNOWN: usize = 1024;
+
+/// What was read and parsed lately, so that a stream of frames that name the same camera and target does not read them from
+/// the disk for each. What this process changes in the store is seen at once.
+#[derive(Debug, Default)]
+pub struct Known {
+    cameras: Mutex<HashMap<String, Entry<Camera>>>,
+    targets: Mutex<HashMap<String, Entry<Target>>>,
+}
+
+#[derive(Debug)]
+struct Entry<T> {
+    thing: T,
+    /// [`Store::changes`] when it was read.
+    changes: u64,
+    read: Instant,
+}
+
+/// Finds what a request names.
 pub struct Lookup<'a> {
     store: Option<&'a Store>,
-    cameras: HashMap<String, Camera>,
+    known: Arc<Known>,
 }
 
 impl<'a> Lookup<'a> {
-    /// In `store`, if there is one.
+    /// In `store`, if there is one, and before that in what is `known`.
     #[must_use]
-    pub fn new(store: Option<&'a Store>) -> Self {
-        Self { store, cameras: HashMap::new() }
+    pub const fn new(store: Option<&'a Store>, known: Arc<Known>) -> Self {
+        Self { store, known }
     }
 
     /// The camera.
     ///
     /// # Errors
     /// None of that name, or numbers that are no camera.
-    pub async fn camera(&mut self, wanted: &Ref<CameraWire>) -> Result<Camera, Fault> {
+    pub async fn camera(&self, wanted: &Ref<CameraWire>) -> Result<Camera, Fault> {
+        let parse = |wire: &CameraWire| Camera::try_from(wire);
         match wanted {
-            Ref::Object(wire) => Camera::try_from(wire),
-            Ref::Name(name) => {
-                if let Some(known) = self.cameras.get(name) {
-                    return Ok(*known);
-                }
-                let camera = Camera::try_from(&self.stored::<CameraWire>(Kind::Camera, name).await?)?;
-                self.cameras.insert(name.clone(), camera);
-                Ok(camera)
-            }
+            Ref::Object(wire) => parse(wire),
+            Ref::Name(name) => self.named(Kind::Camera, name, &self.known.cameras, parse).await,
         }
     }
 
@@ -43,11 +61,34 @@ impl<'a> Lookup<'a> {
     ///
     /// # Errors
     /// None of that name, or markers that are no target.
-    pub async fn target(&mut self, wanted: &Ref<TargetWire>) -> Result<Target, Fault> {
+    pub async fn target(&self, wanted: &Ref<TargetWire>) -> Result<Target, Fault> {
+        let parse = |wire: &TargetWire| Target::try_from(wire);
         match wanted {
-            Ref::Object(wire) => Target::try_from(wire),
-            Ref::Name(name) => Target::try_from(&self.stored::<TargetWire>(Kind::Target, name).await?),
+            Ref::Object(wire) => parse(wire),
+            Ref::Name(name) => self.named(Kind::Target, name, &self.known.targets, parse).await,
         }
+    }
+
+    async fn named<W: serde::de::DeserializeOwned, T: Clone>(
+        &self,
+        kind: Kind,
+        name: &str,
+        known: &Mutex<HashMap<String, Entry<T>>>,
+        parse: impl Fn(&W) -> Result<T, Fault>,
+    ) -> Result<T, Fault> {
+        let changes = self.store.map_or(0, Store::changes);
+        let open = || known.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_fresh = |entry: &&Entry<T>| entry.changes == changes && entry.read.elapsed() < FRESH;
+        if let Some(entry) = open().get(name).filter(is_fresh) {
+            return Ok(entry.thing.clone());
+        }
+        let thing = parse(&self.stored::<W>(kind, name).await?)?;
+        let mut known = open();
+        if known.len() >= MOST_KNOWN {
+            known.clear();
+        }
+        known.insert(name.to_owned(), Entry { thing: thing.clone(), changes, read: Instant::now() });
+        Ok(thing)
     }
 
     async fn stored<T: serde::de::DeserializeOwned>(&self, kind: Kind, name: &str) -> Result<T, Fault> {
@@ -64,5 +105,35 @@ impl<'a> Lookup<'a> {
                 pointer: Some(String::new()),
             }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shell::store::Precondition;
+
+    fn camera(fx: f64) -> String {
+        format!(r#"{{"width": 640, "height": 480, "fx": {fx}, "fy": 600, "cx": 320, "cy": 240}}"#)
+    }
+
+    #[tokio::test]
+    async fn what_is_known_is_what_is_stored() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let store = Store::open(folder.path()).await.expect("opens");
+        let known = Arc::new(Known::default());
+        let name = Ref::Name("front".to_owned());
+        let focal = async || {
+            let found = Lookup::new(Some(&store), known.clone()).camera(&name).await;
+            found.map(|camera| camera.focal_lengths()[0]).map_err(|fault| fault.kind)
+        };
+        assert_eq!(focal().await, Err(FaultKind::NotFound));
+        for fx in [600.0, 700.0] {
+            store.put(Kind::Camera, "front", &camera(fx), &Precondition::None).await.expect("stores");
+            assert_eq!(focal().await, Ok(fx));
+            assert_eq!(focal().await, Ok(fx));
+        }
+        store.delete(Kind::Camera, "front", &Precondition::None).await.expect("deletes");
+        assert_eq!(focal().await, Err(FaultKind::NotFound));
     }
 }

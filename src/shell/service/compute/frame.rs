@@ -37,7 +37,7 @@ impl FrameTask {
     ///
     /// # Errors
     /// Names the field.
-    pub async fn checked(request: FrameRequest, lookup: &mut Lookup<'_>) -> Result<Self, Fault> {
+    pub async fn checked(request: FrameRequest, lookup: &Lookup<'_>) -> Result<Self, Fault> {
         let camera = match &request.camera {
             Some(wanted) => Some(lookup.camera(wanted).await.map_err(|fault| fault.within("/camera"))?),
             None => None,
@@ -74,7 +74,7 @@ impl FrameTask {
     ///
     /// # Errors
     /// Also for a missing camera or target.
-    pub async fn for_estimate(request: FrameRequest, lookup: &mut Lookup<'_>) -> Result<Self, Fault> {
+    pub async fn for_estimate(request: FrameRequest, lookup: &Lookup<'_>) -> Result<Self, Fault> {
         if request.camera.is_none() {
             return Err(Fault::senseless(
                 "/camera",

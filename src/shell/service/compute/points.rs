@@ -45,7 +45,7 @@ impl PoseTask {
     ///
     /// # Errors
     /// Names the field and the numbers.
-    pub async fn checked(request: PoseRequest, lookup: &mut Lookup<'_>, terms: &Terms) -> Result<Self, Fault> {
+    pub async fn checked(request: PoseRequest, lookup: &Lookup<'_>, terms: &Terms) -> Result<Self, Fault> {
         let camera = lookup.camera(&request.camera).await.map_err(|fault| fault.within("/camera"))?;
         let (objects, images) = (request.object_points_m.len(), request.image_points_px.len());
         let least = request.solver.min_points();
@@ -188,7 +188,7 @@ pub enum BatchItem {
 
 impl BatchItem {
     /// Reads and checks one request.
-    pub async fn read(request: Value, lookup: &mut Lookup<'_>, terms: &Terms) -> Self {
+    pub async fn read(request: Value, lookup: &Lookup<'_>, terms: &Terms) -> Self {
         let id = request.get("id").cloned();
         let parsed = crate::shell::wire::from_value::<PoseRequest>(request);
         let checked = match parsed {
