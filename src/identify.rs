@@ -165,16 +165,20 @@ pub fn identify(
     let mut stats = Stats::default();
     let sky = search::Sky::of(camera, blobs, options);
     let mut weighed = weigh::Scale::new(camera, target, blobs, options);
-    for base in bases::of(target, need) {
-        for candidate in search::candidates(&sky, target, &base, need, &mut stats) {
-            weighed.add(candidate, &mut stats);
+    let mut waiting = Vec::new();
+    for (markers, bases) in bases::of(target, need) {
+        for base in bases {
+            waiting.extend(search::candidates(&sky, target, &base, need, &mut stats));
         }
-        // All markers found: other bases would find the same, and its rivals are permutations of the same blobs.
-        if weighed.is_complete() {
+        let (now, later) = waiting.into_iter().partition(|candidate: &search::Candidate| candidate.found() >= markers);
+        waiting = later;
+        weighed.add_all(now, &mut stats);
+        weighed.add_exchanges(&mut stats);
+        // What other bases could still find has fewer markers, and no weight beside this.
+        if weighed.is_decided(markers - 1) {
             break;
         }
     }
-    weighed.add_swaps(&mut stats);
     let hypotheses = weighed.ranked()?;
     Ok(Identified { hypotheses, stats })
 }

@@ -35,16 +35,35 @@ const MAX_BASES: usize = 20;
 /// Larger targets take the widest triples instead of a proven cover.
 const COVERED_MARKERS: usize = 8;
 
-/// Bases such that whichever `need` markers are visible, one base is among them; the widest first.
-pub(super) fn of(target: &Target, need: usize) -> Vec<Base> {
+/// Bases in groups, each with a number of markers: whichever so many markers are visible, one base of this group or of those
+/// before it is among them. The numbers fall to `need`; within a group the widest come first.
+pub(super) fn of(target: &Target, need: usize) -> Vec<(usize, Vec<Base>)> {
     let count = target.markers().len();
     let mut triples: Vec<[usize; 3]> = (0..count)
         .flat_map(|a| (a + 1..count).flat_map(move |b| (b + 1..count).map(move |c| [a, b, c])))
         .filter(|triple| triangle_area(target, *triple) > 0.02 * target.spread().rms_m[0] * target.spread().rms_m[1])
         .collect();
     triples.sort_by(|a, b| triangle_area(target, *b).total_cmp(&triangle_area(target, *a)));
-    let chosen = if count <= COVERED_MARKERS { cover(count, need, &triples) } else { spread(count, &triples) };
-    chosen.into_iter().map(|triple| base(target, triple)).collect()
+    let mut chosen: Vec<[usize; 3]> = Vec::new();
+    let mut groups = Vec::new();
+    let mut add = |visible: usize, fresh: Vec<[usize; 3]>| {
+        groups.push((visible, fresh.into_iter().map(|triple| base(target, triple)).collect()));
+    };
+    if count <= COVERED_MARKERS {
+        for visible in (need..=count).rev() {
+            let before = chosen.len();
+            cover(count, visible, &triples, &mut chosen);
+            add(visible, chosen[before..].to_vec());
+        }
+    } else {
+        // One base after the other, so that the search can end after any.
+        let few = (count - count / 3).max(need);
+        for triple in spread(count, &triples) {
+            add(few, vec![triple]);
+        }
+        add(need, Vec::new());
+    }
+    groups
 }
 
 fn triangle_area(target: &Target, [a, b, c]: [usize; 3]) -> f64 {
@@ -52,11 +71,13 @@ fn triangle_area(target: &Target, [a, b, c]: [usize; 3]) -> f64 {
     0.5 * (p(b) - p(a)).cross(&(p(c) - p(a))).norm()
 }
 
-/// Greedy cover of all subsets of `need` markers, as bit masks.
-fn cover(count: usize, need: usize, triples: &[[usize; 3]]) -> Vec<[usize; 3]> {
-    let mut open: Vec<u32> = (0_u32..1 << count).filter(|set| set.count_ones() as usize == need).collect();
+/// Adds to `chosen`, greedily, until it covers all subsets of `visible` markers.
+fn cover(count: usize, visible: usize, triples: &[[usize; 3]], chosen: &mut Vec<[usize; 3]>) {
     let mask = |triple: &[usize; 3]| triple.iter().fold(0_u32, |mask, i| mask | 1 << i);
-    let mut chosen = Vec::new();
+    let mut open: Vec<u32> = (0_u32..1 << count)
+        .filter(|set| set.count_ones() as usize == visible)
+        .filter(|set| chosen.iter().all(|triple| set & mask(triple) != mask(triple)))
+        .collect();
     while !open.is_empty() {
         let gain = |triple: &[usize; 3]| open.iter().filter(|set| *set & mask(triple) == mask(triple)).count();
         // The first of the best: triples stand in order of their width.
@@ -67,7 +88,6 @@ fn cover(count: usize, need: usize, triples: &[[usize; 3]]) -> Vec<[usize; 3]> {
         open.retain(|set| set & mask(best) != mask(best));
         chosen.push(*best);
     }
-    chosen
 }
 
 /// Wide triples that use every marker about equally often.
@@ -122,7 +142,10 @@ mod tests {
 
     #[test]
     fn whichever_four_of_six_are_visible_one_base_is_among_them() {
-        let bases = of(&wing_six(), 4);
+        let groups = of(&wing_six(), 4);
+        let sizes: Vec<(usize, usize)> = groups.iter().map(|(markers, bases)| (*markers, bases.len())).collect();
+        assert_eq!(sizes[..2], [(6, 1), (5, 1)], "one triple is in all six, two that share none are in any five");
+        let bases: Vec<Base> = groups.into_iter().flat_map(|(_, bases)| bases).collect();
         assert!(bases.len() <= 8, "{} bases where six suffice", bases.len());
         for visible in (0_u32..64).filter(|set| set.count_ones() == 4) {
             assert!(bases.iter().any(|base| base.markers.iter().all(|i| visible >> i & 1 == 1)), "{visible:b}");

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use arrayvec::ArrayVec;
+use nalgebra::{Matrix2, Vector3};
 
 use super::bases::{Base, Other};
 use super::{Blob, IdentifyOptions, Stats};
@@ -13,10 +14,8 @@ use crate::target::Target;
 
 /// The blobs on the plane `z = 1`, with what is the same for every base.
 pub(super) struct Sky<'a> {
-    pub blobs: &'a [Blob],
-    /// Ray of each blob; blobs outside the lens model have none and are left out.
-    rays: Vec<Option<Normalized>>,
-    bearings: Vec<Vector3<f64>>,
+    /// Those inside the lens model; the others have no ray and are left out.
+    seen: Vec<Seen>,
     /// Standard deviation of a blob's ray, model error included.
     sigma: f64,
     /// Pixels in a unit of the plane `z = 1`, squared.
@@ -24,17 +23,36 @@ pub(super) struct Sky<'a> {
     options: &'a IdentifyOptions,
 }
 
+struct Seen {
+    /// Position among the blobs.
+    blob: usize,
+    ray: Normalized,
+    bearing: Vector3<f64>,
+    area_px: Option<f64>,
+}
+
 /// An assignment worth refining.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Candidate {
     /// For each marker its blob.
     pub blob_of_marker: Vec<Option<usize>>,
+    /// The pose of three markers that led to it.
+    pub pose: CameraFromTarget,
     /// How well it fits, larger is better: only a first sorting.
     pub fit: f64,
 }
 
+impl Candidate {
+    pub(super) fn found(&self) -> usize {
+        self.blob_of_marker.iter().flatten().count()
+    }
+}
+
 /// Candidates handed on from one base.
-const MAX_CANDIDATES: usize = 24;
+const MAX_CANDIDATES: usize = 32;
+
+/// Markers beyond the base that a first assignment looks for; more are added when it is weighed.
+const MAX_HITS: usize = 29;
 
 /// Half width of a gate in standard deviations.
 const GATE: f64 = 4.0;
@@ -46,28 +64,27 @@ const AREA_FACTOR: f64 = 2.5;
 const SMALL_AREA_PX: f64 = 25.0;
 
 impl<'a> Sky<'a> {
-    pub(super) fn of(camera: &Camera, blobs: &'a [Blob], options: &'a IdentifyOptions) -> Self {
-        let rays: Vec<_> = blobs.iter().map(|blob| camera.unproject(&blob.pixel)).collect();
-        let bearing = |ray: &Option<Normalized>| ray.map_or(Vector3::z(), |r| Vector3::new(r.x, r.y, 1.0).normalize());
+    pub(super) fn of(camera: &Camera, blobs: &[Blob], options: &'a IdentifyOptions) -> Self {
+        let seen = blobs.iter().enumerate().filter_map(|(index, blob)| {
+            let ray = camera.unproject(&blob.pixel)?;
+            let bearing = Vector3::new(ray.x, ray.y, 1.0).normalize();
+            Some(Seen { blob: index, ray, bearing, area_px: blob.area_px })
+        });
         let [fx, fy] = camera.focal_lengths();
         let worst_px = blobs.iter().map(|b| b.sigma_px).fold(0.0, f64::max).hypot(options.model_sigma_px);
-        Self {
-            bearings: rays.iter().map(bearing).collect(),
-            rays,
-            blobs,
-            sigma: worst_px / (fx * fy).sqrt(),
-            area_scale: fx * fy,
-            options,
-        }
+        Self { seen: seen.collect(), sigma: worst_px / (fx * fy).sqrt(), area_scale: fx * fy, options }
     }
 
     /// The blob nearest to `place`, and its squared distance.
     fn nearest(&self, place: &Normalized) -> Option<(usize, f64)> {
-        self.rays
-            .iter()
-            .enumerate()
-            .filter_map(|(i, ray)| Some((i, (ray.as_ref()? - place).norm_squared())))
-            .min_by(|a, b| a.1.total_cmp(&b.1))
+        let mut nearest = (None, f64::INFINITY);
+        for seen in &self.seen {
+            let squared = (seen.ray - place).norm_squared();
+            if squared < nearest.1 {
+                nearest = (Some(seen.blob), squared);
+            }
+        }
+        Some((nearest.0?, nearest.1))
     }
 }
 
@@ -79,33 +96,33 @@ pub(super) fn candidates(
     need: usize,
     stats: &mut Stats,
 ) -> Vec<Candidate> {
-    let mut found: BTreeMap<Vec<Option<usize>>, f64> = BTreeMap::new();
-    let seen: Vec<(usize, Normalized)> =
-        sky.rays.iter().enumerate().filter_map(|(i, ray)| Some((i, (*ray)?))).collect();
+    let mut found: BTreeMap<Vec<Option<usize>>, (f64, CameraFromTarget)> = BTreeMap::new();
     let points = base.markers.map(|i| target.markers()[i].position);
-    for &(i, ray_i) in &seen {
-        for &(j, ray_j) in &seen {
-            for &(k, ray_k) in &seen {
+    for (i, a) in sky.seen.iter().enumerate() {
+        for (j, b) in sky.seen.iter().enumerate() {
+            for (k, c) in sky.seen.iter().enumerate() {
                 if i == j || j == k || i == k {
                     continue;
                 }
                 stats.triples += 1;
-                let rays = [ray_i, ray_j, ray_k];
-                if !is_plausible(sky, target, base, [i, j, k], rays, need) {
+                if !is_plausible(sky, target, base, [a, b, c], need) {
                     continue;
                 }
                 stats.solved += 1;
-                for pose in p3p(&[i, j, k].map(|b| sky.bearings[b]), &points) {
-                    if let Some((assignment, fit)) = follow(sky, target, base, [i, j, k], &pose, need) {
-                        let known = found.entry(assignment).or_insert(fit);
-                        *known = known.max(fit);
+                for pose in p3p(&[a, b, c].map(|seen| seen.bearing), &points) {
+                    let blobs = [a, b, c].map(|seen| seen.blob);
+                    if let Some((assignment, fit)) = follow(sky, target, base, blobs, &pose, need) {
+                        let known = found.entry(assignment).or_insert((fit, pose));
+                        if fit > known.0 {
+                            *known = (fit, pose);
+                        }
                     }
                 }
             }
         }
     }
     let mut candidates: Vec<Candidate> =
-        found.into_iter().map(|(blob_of_marker, fit)| Candidate { blob_of_marker, fit }).collect();
+        found.into_iter().map(|(blob_of_marker, (fit, pose))| Candidate { blob_of_marker, pose, fit }).collect();
     candidates.sort_by(|a, b| b.fit.total_cmp(&a.fit));
     candidates.truncate(MAX_CANDIDATES);
     candidates
@@ -113,15 +130,8 @@ pub(super) fn candidates(
 
 /// What can be ruled out without a pose: wrong way round, wrong areas, and for flat targets an affine image in which too few
 /// of the others have a blob near the place that perspective leaves them.
-fn is_plausible(
-    sky: &Sky<'_>,
-    target: &Target,
-    base: &Base,
-    blobs: [usize; 3],
-    rays: [Normalized; 3],
-    need: usize,
-) -> bool {
-    let [a, b, c] = rays;
+fn is_plausible(sky: &Sky<'_>, target: &Target, base: &Base, seen: [&Seen; 3], need: usize) -> bool {
+    let rays @ [a, b, c] = seen.map(|seen| seen.ray);
     let doubled_area = (b - a).perp(&(c - a));
     // Three blobs that nearly share a line fix no pose.
     if doubled_area.abs() < 4.0 * sky.sigma * (b - a).norm().max((c - a).norm()) {
@@ -132,11 +142,11 @@ fn is_plausible(
     }
     let Some(model_area) = base.doubled_area else { return true };
     let magnification = (doubled_area / model_area).abs();
-    let areas_agree = base.markers.iter().zip(blobs).all(|(&marker, blob)| {
+    let areas_agree = base.markers.iter().zip(seen).all(|(&marker, seen)| {
         let expected = target.markers()[marker]
             .radius_m
             .map(|radius| std::f64::consts::PI * radius * radius * magnification * sky.area_scale);
-        match expected.zip(sky.blobs[blob].area_px) {
+        match expected.zip(seen.area_px) {
             Some((expected, measured)) if expected > SMALL_AREA_PX => {
                 measured < AREA_FACTOR * expected && expected < AREA_FACTOR * measured
             }
@@ -194,30 +204,35 @@ fn follow(
     pose: &CameraFromTarget,
     need: usize,
 ) -> Option<(Vec<Option<usize>>, f64)> {
+    // Most poses lead nowhere: that is found out first, without an allocation.
+    let mut hits: ArrayVec<(usize, usize, f64), MAX_HITS> = ArrayVec::new();
+    for (tried, other) in base.others.iter().enumerate() {
+        if hits.len() + base.others.len() - tried + 3 < need || hits.is_full() {
+            break;
+        }
+        let p = (*pose * target.markers()[other.marker].position).coords;
+        if p.z <= 0.0 {
+            continue;
+        }
+        let reach = GATE * sky.sigma * spread_of_noise(other);
+        let Some((blob, squared)) = sky.nearest(&(p.xy() / p.z)) else { continue };
+        let is_free = !blobs.contains(&blob) && hits.iter().all(|hit| hit.1 != blob);
+        if squared <= reach * reach && is_free && sky.options.shows(target, other.marker, pose) {
+            hits.push((other.marker, blob, 2.0 - squared / (reach * reach)));
+        }
+    }
     let [nearest, farthest] = sky.options.range_m;
-    let range = pose.translation.norm();
-    if !(nearest..=farthest).contains(&range) || base.markers.iter().any(|m| !sky.options.shows(target, *m, pose)) {
+    if hits.len() + 3 < need
+        || !(nearest..=farthest).contains(&pose.translation.norm())
+        || base.markers.iter().any(|m| !sky.options.shows(target, *m, pose))
+    {
         return None;
     }
     let mut blob_of_marker = vec![None; target.markers().len()];
-    for (marker, blob) in base.markers.iter().zip(blobs) {
-        blob_of_marker[*marker] = Some(blob);
+    for (marker, blob) in base.markers.into_iter().zip(blobs).chain(hits.iter().map(|hit| (hit.0, hit.1))) {
+        blob_of_marker[marker] = Some(blob);
     }
-    let mut fit = 0.0;
-    for other in &base.others {
-        let p = (*pose * target.markers()[other.marker].position).coords;
-        if p.z <= 0.0 || !sky.options.shows(target, other.marker, pose) {
-            continue;
-        }
-        let place: Vector2<f64> = p.xy() / p.z;
-        let reach = GATE * sky.sigma * spread_of_noise(other);
-        let Some((blob, squared)) = sky.nearest(&place) else { continue };
-        if squared <= reach * reach && !blob_of_marker.contains(&Some(blob)) {
-            blob_of_marker[other.marker] = Some(blob);
-            fit += 2.0 - squared / (reach * reach);
-        }
-    }
-    (blob_of_marker.iter().flatten().count() >= need).then_some((blob_of_marker, fit))
+    Some((blob_of_marker, hits.iter().map(|hit| hit.2).sum()))
 }
 
 /// By how much the noise of three blobs is magnified at another marker. The weights give that of an affine image; a pose

@@ -16,7 +16,7 @@ use nalgebra::Matrix2;
 use crate::camera::{Camera, Pixel};
 use crate::geometry::CameraFromTarget;
 use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose};
-use crate::refine::Correspondence;
+use crate::refine::{Correspondence, RefineOptions, refine};
 use crate::target::Target;
 
 /// Rounds of adding blobs that fit and dropping such that do not.
@@ -29,14 +29,27 @@ const MAX_DEVIATIONS: f64 = 4.5;
 /// probability below 1e-4.
 const MAX_RESIDUAL_RATIO: f64 = 3.1;
 
-/// Markers that appear nearer to each other than this may have been swapped.
-const SWAP_DEVIATIONS: f64 = 8.0;
+/// Markers whose blobs a marker may have been given by mistake: the nearest ones, all of six.
+const NEIGHBOURS: usize = 5;
+
+/// Assignments whose markers exchange their blobs to see whether that is better.
+const EXPLORED: usize = 4;
 
 /// Relative standard deviation of a blob's area about its marker's, from blur and thresholds.
 const LN_AREA_SIGMA: f64 = 0.35;
 
 /// Clutter has areas spread evenly over this many powers of e.
 const LN_AREA_SPAN: f64 = 6.0;
+
+/// Steps of refinement for a first weight: enough from a pose of three markers.
+const ROUGH_STEPS: usize = 4;
+
+/// A candidate whose first weight is below the heaviest (or below chance) by this many powers of e need not be weighed well.
+const ROUGHLY_NOTHING: f64 = 14.0;
+
+/// A lead of this many powers of e decides: half of it for what a rival might gain by fitting exactly and by a less certain
+/// pose, the other half so that it does not matter.
+const DECIDED: f64 = 8.0;
 
 pub(super) struct Scale<'a> {
     camera: &'a Camera,
@@ -46,6 +59,7 @@ pub(super) struct Scale<'a> {
     /// Assignments already weighed.
     known: BTreeSet<Vec<Option<usize>>>,
     weighed: Vec<(Hypothesis, f64)>,
+    heaviest_rough: f64,
 }
 
 impl<'a> Scale<'a> {
@@ -55,12 +69,38 @@ impl<'a> Scale<'a> {
         blobs: &'a [Blob],
         options: &'a IdentifyOptions,
     ) -> Self {
-        Self { camera, target, blobs, options, known: BTreeSet::new(), weighed: Vec::new() }
+        Self { camera, target, blobs, options, known: BTreeSet::new(), weighed: Vec::new(), heaviest_rough: 0.0 }
     }
 
-    /// Weighs a candidate, and what it becomes as blobs that fit its pose are added and such that do not are dropped.
-    pub(super) fn add(&mut self, candidate: Candidate, stats: &mut Stats) {
-        let mut assignment = candidate.blob_of_marker;
+    /// Weighs the candidates that matter beside the best of them.
+    pub(super) fn add_all(&mut self, candidates: Vec<Candidate>, stats: &mut Stats) {
+        let mut rough: Vec<(f64, Candidate)> = candidates
+            .into_iter()
+            .filter(|candidate| !self.known.contains(&candidate.blob_of_marker))
+            .filter_map(|candidate| Some((self.rough_ln_factor(&candidate)?, candidate)))
+            .collect();
+        rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let heaviest = rough.first().map_or(0.0, |(ln_factor, _)| *ln_factor);
+        self.heaviest_rough = self.heaviest_rough.max(heaviest);
+        for (ln_factor, candidate) in rough {
+            if ln_factor < self.heaviest_rough - ROUGHLY_NOTHING {
+                break;
+            }
+            self.add(candidate.blob_of_marker, stats);
+        }
+    }
+
+    /// The logarithm of a candidate's Bayes factor from the one minimum that its pose leads to.
+    fn rough_ln_factor(&self, candidate: &Candidate) -> Option<f64> {
+        let assignment = &candidate.blob_of_marker;
+        let options = RefineOptions { max_iterations: ROUGH_STEPS, ..RefineOptions::default() };
+        let refined = refine(self.camera, &self.correspondences(assignment), &candidate.pose, &options).ok()?;
+        let ln_evidence = -0.5 * refined.chi_square + 0.5 * refined.covariance.ln_determinant();
+        self.ln_bayes_factor(assignment, &refined.camera_from_target, ln_evidence)
+    }
+
+    /// Weighs an assignment, and what it becomes as blobs that fit its pose are added and such that do not are dropped.
+    fn add(&mut self, mut assignment: Vec<Option<usize>>, stats: &mut Stats) {
         for _ in 0..ROUNDS {
             if assignment.iter().flatten().count() < self.options.min_markers || !self.known.insert(assignment.clone())
             {
@@ -68,8 +108,9 @@ impl<'a> Scale<'a> {
             }
             let Ok(answer) = self.solve(&assignment) else { return };
             stats.weighed += 1;
-            let settled = self.reassigned(&assignment, &answer.best.camera_from_target);
-            if let Some(ln_factor) = self.ln_bayes_factor(&assignment, &answer) {
+            let pose = answer.best.camera_from_target;
+            let settled = self.reassigned(&assignment, &pose);
+            if let Some(ln_factor) = self.ln_bayes_factor(&assignment, &pose, answer.ln_evidence) {
                 let hypothesis = Hypothesis { blob_of_marker: assignment, answer, probability: 0.0 };
                 self.weighed.push((hypothesis, ln_factor));
             }
@@ -77,29 +118,58 @@ impl<'a> Scale<'a> {
         }
     }
 
-    /// Weighs what the best assignment becomes when two of its blobs that stand close change places: such pairs the search
-    /// may have met in one order only.
-    pub(super) fn add_swaps(&mut self, stats: &mut Stats) {
-        let Some((best, _)) = self.weighed.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return };
-        let (assignment, pose) = (best.blob_of_marker.clone(), best.answer.best.camera_from_target);
-        for first in 0..assignment.len() {
-            for second in first + 1..assignment.len() {
-                let (Some(a), Some(b)) = (self.place(first, &pose), self.place(second, &pose)) else { continue };
-                let sigma =
-                    assignment[first].iter().chain(&assignment[second]).map(|&i| self.blobs[i].sigma_px).sum::<f64>();
-                if (a - b).norm() < SWAP_DEVIATIONS * sigma.hypot(self.options.model_sigma_px) {
-                    let mut blob_of_marker = assignment.clone();
-                    blob_of_marker.swap(first, second);
-                    self.add(Candidate { blob_of_marker, fit: 0.0 }, stats);
-                }
+    /// Weighs what the best assignments become when two markers change their blobs, or one takes that of another: the search
+    /// may have missed these, as three blobs fix the pose of a small or slanted target badly.
+    pub(super) fn add_exchanges(&mut self, stats: &mut Stats) {
+        let mut explored: BTreeSet<Vec<Option<usize>>> = BTreeSet::new();
+        for _ in 0..EXPLORED {
+            let unexplored = self.weighed.iter().filter(|(h, _)| !explored.contains(&h.blob_of_marker));
+            let Some((best, ln_factor)) = unexplored.max_by(|a, b| a.1.total_cmp(&b.1)) else { return };
+            let heaviest = self.weighed.iter().map(|(_, f)| *f).fold(f64::NEG_INFINITY, f64::max);
+            if *ln_factor < heaviest - DECIDED {
+                return;
             }
+            let assignment = best.blob_of_marker.clone();
+            let pose = best.answer.best.camera_from_target;
+            let exchanged = self.neighbours(&pose).into_iter().filter_map(|(a, b)| {
+                let mut blob_of_marker = assignment.clone();
+                blob_of_marker.swap(a, b);
+                (blob_of_marker != assignment).then_some(Candidate { blob_of_marker, pose, fit: 0.0 })
+            });
+            self.add_all(exchanged.collect(), stats);
+            explored.insert(assignment);
         }
     }
 
-    /// Whether an assignment of every marker is as good as certain.
-    pub(super) fn is_complete(&self) -> bool {
-        let certain = (1.0 - self.options.min_probability).ln().abs() + 10.0;
-        self.weighed.iter().any(|(h, ln_factor)| h.found() == self.target.markers().len() && *ln_factor > certain)
+    /// Each marker with those that appear nearest to it.
+    fn neighbours(&self, pose: &CameraFromTarget) -> BTreeSet<(usize, usize)> {
+        let places: Vec<Option<Pixel>> = (0..self.target.markers().len()).map(|m| self.place(m, pose)).collect();
+        let mut pairs = BTreeSet::new();
+        for (a, here) in places.iter().enumerate() {
+            let Some(here) = here else { continue };
+            let distance = |b: usize| places[b].map_or(f64::INFINITY, |there| (there - here).norm_squared());
+            let mut others: Vec<usize> = (0..places.len()).filter(|b| *b != a && places[*b].is_some()).collect();
+            others.sort_by(|b, c| distance(*b).total_cmp(&distance(*c)));
+            pairs.extend(others.into_iter().take(NEIGHBOURS).map(|b| (a.min(b), a.max(b))));
+        }
+        pairs
+    }
+
+    /// Whether one assignment is so probable that none of up to `markers` markers could still matter beside it.
+    pub(super) fn is_decided(&self, markers: usize) -> bool {
+        let certain = -(1.0 - self.options.min_probability).ln();
+        let sigma = self.blobs.iter().map(|b| b.sigma_px).fold(0.0, f64::max).hypot(self.options.model_sigma_px);
+        // What a marker adds at least. One that is not found may have reasons that cost nothing.
+        let gain = (1.0 - self.options.miss_probability).ln() - (TAU * sigma * sigma).ln() - self.density().ln();
+        self.weighed.iter().any(|(hypothesis, ln_factor)| {
+            let lead = hypothesis.found().saturating_sub(markers) as f64 * gain;
+            *ln_factor > certain + 1.0 && lead > DECIDED
+        })
+    }
+
+    /// Blobs per squared pixel over the picture.
+    fn density(&self) -> f64 {
+        self.blobs.len() as f64 / (f64::from(self.camera.width()) * f64::from(self.camera.height()))
     }
 
     /// The hypotheses with their probabilities.
@@ -141,19 +211,23 @@ impl<'a> Scale<'a> {
     }
 
     fn solve(&self, assignment: &[Option<usize>]) -> Result<PoseAnswer, NoPose> {
-        let correspondences: Vec<Correspondence> = pairs(self.target, assignment)
-            .map(|(marker, blob)| Correspondence {
-                point: self.target.markers()[marker].position,
-                pixel: self.blobs[blob].pixel,
-                sigma_px: self.blobs[blob].sigma_px.hypot(self.options.model_sigma_px),
-            })
-            .collect();
+        let correspondences = self.correspondences(assignment);
         let options = PoseOptions { max_residual_ratio: MAX_RESIDUAL_RATIO, ..PoseOptions::default() };
         let answer = estimate_pose(self.camera, &correspondences, &options)?;
         let shown = |pose: &CameraFromTarget| {
             pairs(self.target, assignment).all(|(marker, _)| self.options.shows(self.target, marker, pose))
         };
         answer.restricted(shown)
+    }
+
+    fn correspondences(&self, assignment: &[Option<usize>]) -> Vec<Correspondence> {
+        pairs(self.target, assignment)
+            .map(|(marker, blob)| Correspondence {
+                point: self.target.markers()[marker].position,
+                pixel: self.blobs[blob].pixel,
+                sigma_px: self.blobs[blob].sigma_px.hypot(self.options.model_sigma_px),
+            })
+            .collect()
     }
 
     /// Every marker with the blob nearest to its place at this pose, if that is near enough.
@@ -189,11 +263,10 @@ impl<'a> Scale<'a> {
     }
 
     /// Logarithm of the probability of the picture under this assignment over that under clutter alone.
-    fn ln_bayes_factor(&self, assignment: &[Option<usize>], answer: &PoseAnswer) -> Option<f64> {
-        let best = &answer.best.camera_from_target;
+    fn ln_bayes_factor(&self, assignment: &[Option<usize>], best: &CameraFromTarget, ln_evidence: f64) -> Option<f64> {
         let ln_density = self.clutter_density(assignment, best).ln();
         // Integral over the pose of the likelihood (Laplace; the residuals are in `ln_evidence`), times the prior there.
-        let mut ln_factor = answer.ln_evidence + 3.0 * TAU.ln() + self.ln_pose_prior(best);
+        let mut ln_factor = ln_evidence + 3.0 * TAU.ln() + self.ln_pose_prior(best);
         for (marker, blob) in assignment.iter().enumerate() {
             let place = self.place(marker, best);
             let Some(blob) = blob.map(|b| &self.blobs[b]) else {
@@ -213,7 +286,7 @@ impl<'a> Scale<'a> {
     /// Blobs per squared pixel: over the picture, or of those over the target's own ellipse that are not its markers,
     /// whichever is denser. Clutter comes in crowds, and along edges.
     fn clutter_density(&self, assignment: &[Option<usize>], pose: &CameraFromTarget) -> f64 {
-        let over_picture = self.blobs.len() as f64 / (f64::from(self.camera.width()) * f64::from(self.camera.height()));
+        let over_picture = self.density();
         let places: Vec<Pixel> = (0..self.target.markers().len()).filter_map(|m| self.place(m, pose)).collect();
         let count = places.len().max(1) as f64;
         let middle = places.iter().sum::<Pixel>() / count;
