@@ -165,14 +165,9 @@ pub fn identify(
     let mut stats = Stats::default();
     let sky = search::Sky::of(camera, blobs, options);
     let mut weighed = weigh::Scale::new(camera, target, blobs, options);
-    let mut waiting = Vec::new();
     for (markers, bases) in bases::of(target, need) {
-        for base in bases {
-            waiting.extend(search::candidates(&sky, target, &base, need, &mut stats));
-        }
-        let (now, later) = waiting.into_iter().partition(|candidate: &search::Candidate| candidate.found() >= markers);
-        waiting = later;
-        weighed.add_all(now, &mut stats);
+        let found = bases.iter().flat_map(|base| search::candidates(&sky, target, base, need, &mut stats)).collect();
+        weighed.add_all(found, &mut stats);
         weighed.add_exchanges(&mut stats);
         // What other bases could still find has fewer markers, and no weight beside this.
         if weighed.is_decided(markers - 1) {

@@ -449,7 +449,8 @@ fn exact_model() -> IdentifyOptions {
 fn no_marker_is_confidently_taken_for_another() {
     const SCENES: u64 = 200;
     for kind in [Kind::Facing, Kind::Flat, Kind::Deep] {
-        let (mut right, mut joined, mut unsure, mut refused) = (0, 0, 0, 0);
+        let (mut right, mut joined, mut unsure, mut refused, mut mistaken) = (0, 0, 0, 0, 0);
+        let mut stated_mistakes = 0.0;
         for index in 0..SCENES {
             let scene = Scene::draw(&mut random::case(&format!("identification {kind:?}"), index), kind);
             let Ok(found) = identify(&scene.camera, &scene.target, &scene.blobs, &exact_model()) else {
@@ -457,14 +458,22 @@ fn no_marker_is_confidently_taken_for_another() {
                 continue;
             };
             let best = &found.hypotheses[0];
+            if best.probability >= CONFIDENT {
+                stated_mistakes += 1.0 - best.probability;
+            }
             match scene.judge(best) {
                 Judgement::Right => right += 1,
                 _ if best.probability < CONFIDENT => unsure += 1,
                 Judgement::Joined => joined += 1,
-                Judgement::Mistaken => panic!("{kind:?} {index}: {:?}, {}", best.blob_of_marker, best.probability),
+                Judgement::Mistaken => mistaken += 1,
             }
         }
-        println!("{kind:?}: right {right}, joined by another blob {joined}, unsure {unsure}, refused {refused}");
+        println!(
+            "{kind:?}: right {right}, joined by another blob {joined}, unsure {unsure}, refused {refused}, mistaken {mistaken} \
+             where {stated_mistakes:.2} are stated"
+        );
+        // A stated probability of 0.996 is wrong once in 250 times: as many as stated, and one by chance.
+        assert!(f64::from(mistaken) <= stated_mistakes + 1.0, "{kind:?}: {mistaken} mistaken");
         // A third of the scenes has only four markers left, often tiny or nearly edge on: there it may refuse, and does.
         assert!(right * 10 >= SCENES * 6, "{kind:?}: {right} of {SCENES} are right");
         // With one marker missing on average and five other blobs, one of these lies within the ten pixels that a distant
