@@ -12,6 +12,7 @@ use crate::camera::Camera;
 use crate::geometry::{CameraFromTarget, PoseCovariance};
 use crate::refine::{Correspondence, RefineOptions, Refined, Stop, distinct, refine};
 use crate::solve::{Pair, SolveError, Solver, is_in_front};
+use starts::Start;
 
 pub use evidence::{Consistency, chi_square_quantile};
 pub use robust::estimate_pose_robustly;
@@ -190,18 +191,21 @@ fn estimate_pose_near(
 ) -> Result<PoseAnswer, NoPose> {
     let pairs = rays(camera, correspondences)?;
     let starts = starts::of(&pairs, options.solver, known)?;
-    let reached: Vec<(Solver, Refined)> = starts
-        .iter()
-        .filter_map(|(solver, start)| {
-            let refined = refine(camera, correspondences, start, &options.refinement).ok()?;
-            let is_minimum = !matches!(refined.stats.stop, Stop::MaxIterations { .. });
-            (is_minimum && is_in_front(&pairs, &refined.camera_from_target)).then_some((*solver, refined))
-        })
-        .collect();
-    if reached.is_empty() {
+    let minimum_from = |(solver, start): &Start| {
+        let refined = refine(camera, correspondences, start, &options.refinement).ok()?;
+        let is_minimum = !matches!(refined.stats.stop, Stop::MaxIterations { .. });
+        (is_minimum && is_in_front(&pairs, &refined.camera_from_target)).then_some((*solver, refined))
+    };
+    let mut reached: Vec<(Solver, Refined)> = starts.iter().filter_map(minimum_from).collect();
+    let mut minima = distinct(reached.iter().map(|(_, refined)| *refined).collect());
+    if minima.len() < 2 {
+        // A plane has two as a rule; where the starts have led to one, the other may be its mirror image.
+        reached.extend(starts::flips(&pairs, &starts).iter().filter_map(minimum_from));
+        minima = distinct(reached.iter().map(|(_, refined)| *refined).collect());
+    }
+    if minima.is_empty() {
         return Err(NoPose::DegenerateGeometry("the image of these points does not fix a pose".into()));
     }
-    let minima = distinct(reached.iter().map(|(_, refined)| *refined).collect());
     let consistency = Consistency::of(&minima, correspondences.len(), options.max_residual_ratio)?;
     let (estimates, ln_evidence) = evidence::weigh(camera, correspondences, &minima, &consistency);
     let mut estimates = estimates.into_iter();

@@ -9,9 +9,9 @@ use crate::solve::p3p::p3p_of_widest;
 use crate::solve::{NEARLY_COPLANAR_RATIO, Pair, SolveError, Solver, is_in_front, spread_of};
 
 /// A start and the method that gave it.
-type Start = (Solver, CameraFromTarget);
+pub(super) type Start = (Solver, CameraFromTarget);
 
-/// At most: four of a method, one known, two of IPPE, four of P3P, four flips.
+/// At most: four of a method, one known, two of IPPE, four of P3P.
 pub(super) type Starts = ArrayVec<Start, 16>;
 
 /// With this many points or fewer, a target in space can have several minima too, and closed forms lose their way among
@@ -46,19 +46,19 @@ pub(super) fn of(pairs: &[Pair], named: Option<Solver>, known: Option<Start>) ->
         let poses = p3p_of_widest(pairs).into_iter().filter(|pose| is_in_front(pairs, pose));
         starts.extend(poses.map(|pose| (Solver::P3p, pose)));
     }
-    if coplanar {
-        add_flips(pairs, &mut starts);
-    }
     if starts.is_empty() {
         answer?;
     }
     Ok(starts)
 }
 
-/// The other attitude of a plane that looks nearly the same: its normal mirrored about the line of sight.
-fn add_flips(pairs: &[Pair], starts: &mut Starts) {
+/// The other attitudes that look nearly the same if the points lie in a plane: its normal mirrored about the line of sight.
+pub(super) fn flips(pairs: &[Pair], poses: &[Start]) -> Starts {
     let spread = spread_of(pairs);
-    let flips: ArrayVec<Start, 8> = starts
+    if spread.plane_ratio() > NEARLY_COPLANAR_RATIO {
+        return Starts::new();
+    }
+    poses
         .iter()
         .take(4)
         .filter_map(|(solver, pose)| {
@@ -74,6 +74,5 @@ fn add_flips(pairs: &[Pair], starts: &mut Starts) {
             let pose = CameraFromTarget::new(flipped, centre - flipped * spread.centre);
             is_in_front(pairs, &pose).then_some((*solver, pose))
         })
-        .collect();
-    starts.extend(flips);
+        .collect()
 }
