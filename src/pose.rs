@@ -2,6 +2,7 @@
 //! there is none.
 
 mod evidence;
+mod prior;
 mod propagation;
 mod robust;
 mod starts;
@@ -15,6 +16,7 @@ use crate::solve::{Pair, SolveError, Solver, is_in_front};
 use starts::Start;
 
 pub use evidence::{Consistency, chi_square_quantile};
+pub use prior::PosePrior;
 pub use robust::estimate_pose_robustly;
 
 /// How a pose is asked for.

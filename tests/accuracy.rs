@@ -9,9 +9,11 @@
     reason = "a test says what it takes for granted, and shows its figures"
 )]
 
+use std::f64::consts::FRAC_PI_2;
+
 use skypose::camera::Camera;
 use skypose::geometry::{CameraFromTarget, rotation::angle_between_rad};
-use skypose::pose::{PoseAnswer, PoseEstimate, PoseOptions, estimate_pose, estimate_pose_robustly};
+use skypose::pose::{PoseAnswer, PoseEstimate, PoseOptions, PosePrior, estimate_pose, estimate_pose_robustly};
 use skypose::random;
 use skypose::refine::{Correspondence, RefineOptions, Stop, refine};
 use skypose::scene::cases::{self, Case};
@@ -316,4 +318,26 @@ fn pairs_that_are_all_wrong_have_no_consensus() {
         let answer = estimate_pose_robustly(&case.camera, &correspondences(&case, 0.5), &PoseOptions::default());
         assert!(answer.is_err(), "{index}: {answer:?}");
     }
+}
+
+#[test]
+fn a_prior_of_half_the_attitudes_halves_the_flips() {
+    let prior = PosePrior { euler_limits_rad: [Some([-FRAC_PI_2, FRAC_PI_2]); 3], ..PosePrior::default() };
+    let (mut before, mut after, mut answered, mut refused) = (0, 0, 0, 0);
+    for index in 0..1000 {
+        let case = cases::thesis_2012(&mut random::case("thesis with a prior", index), 1.0);
+        let Ok(answer) = estimate_pose(&case.camera, &correspondences(&case, 1.0), &PoseOptions::default()) else {
+            continue;
+        };
+        let middle = case.points.iter().map(|p| p.coords).sum::<nalgebra::Vector3<f64>>() / case.points.len() as f64;
+        answered += 1;
+        before += u32::from(is_flip(&answer.best, &case));
+        match answer.given(&prior, &middle.into()) {
+            Ok(given) => after += u32::from(is_flip(&given.best, &case)),
+            Err(_) => refused += 1,
+        }
+    }
+    println!("flips of {answered}: {before} without, {after} with the limits that the draw has, {refused} refused");
+    // Refused where the truth is in none of the poses: once in two hundred.
+    assert!(answered > 980 && refused <= 10 && 100 * after <= 60 * before, "{before} {after} {refused}");
 }

@@ -170,7 +170,9 @@ fn what_fixes_no_pose_is_told_as_such() {
         // All rays the same, although the points are not: nothing is finite there, and nothing may come out.
         let mut same = seen(&six(rng), &truth);
         let ray = same[0].ray;
-        same.iter_mut().for_each(|pair| pair.ray = ray);
+        for pair in &mut same {
+            pair.ray = ray;
+        }
         if let Ok(found) = solver.solve(&same) {
             assert!(found.iter().all(CameraFromTarget::is_finite), "{}: {found:?}", solver.name());
         }

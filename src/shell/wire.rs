@@ -3,6 +3,7 @@
 pub mod camera;
 pub mod frame;
 pub mod pose;
+pub mod prior;
 pub mod problem;
 pub mod reference;
 pub mod target;
@@ -14,6 +15,7 @@ use super::fault::{Fault, FaultKind};
 pub use camera::{CameraWire, DistortionWire};
 pub use frame::{DetectionReply, DetectorWire, EstimateReply, FrameRequest};
 pub use pose::{PoseBatch, PoseReplies, PoseReply, PoseRequest, PoseWire};
+pub use prior::PriorWire;
 pub use problem::Problem;
 pub use reference::Ref;
 pub use target::{MarkerWire, TargetWire};

@@ -5,7 +5,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::reference::CameraOrName;
-use super::{CameraWire, Problem, Ref};
+use super::{CameraWire, PriorWire, Problem, Ref};
 use crate::geometry::{Direction, EulerAngles, Point, rotation};
 use crate::pose::{NoPose, PoseAnswer, PoseEstimate, PoseOptions};
 use crate::solve::Solver;
@@ -40,6 +40,9 @@ pub struct PoseRequest {
     /// Whether the order of the image points tells which point is which.
     #[serde(default)]
     pub correspondence: Correspondence,
+    /// What is known of the pose beforehand.
+    #[serde(default)]
+    pub prior: Option<PriorWire>,
 }
 
 const fn one() -> f64 {
@@ -138,7 +141,7 @@ pub struct PoseWire {
     pub azimuth_rad: f64,
     /// atan2(-y, hypot(x, z)), positive up.
     pub elevation_rad: f64,
-    /// 6 x 6, order x, y, z, rotation about camera x, y, z, of the error (`t_true` - t, `Log(R_true` R^T)); m and rad. It holds
+    /// 6 x 6, order x, y, z, rotation about camera x, y, z, of the error `(t_true - t, Log(R_true R^T))`; m and rad. It holds
     /// provided that this pose and not one of the alternatives is the right one.
     pub covariance: [[f64; 6]; 6],
     /// Whether the covariance holds as such; false where the linear approximation behind it does not.

@@ -2,14 +2,14 @@
 
 use std::time::Instant;
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
 use super::Terms;
 use crate::camera::{Camera, Pixel};
 use crate::geometry::{Point, space};
 use crate::identify::{Blob, IdentifyOptions, identify};
-use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose, estimate_pose_robustly};
+use crate::pose::{NoPose, PoseAnswer, PoseOptions, PosePrior, estimate_pose, estimate_pose_robustly};
 use crate::refine;
 use crate::shell::fault::Fault;
 use crate::shell::service::lookup::Lookup;
@@ -26,6 +26,7 @@ pub struct PoseTask {
     pixels: Vec<Pixel>,
     pixel_sigma: f64,
     options: PoseOptions,
+    prior: Option<PosePrior>,
     mode: Mode,
 }
 
@@ -66,6 +67,8 @@ impl PoseTask {
             let detail = format!("pixel_sigma = {sigma}: a standard deviation from 0.000001 to 1000000 px is accepted");
             return Err(Fault::senseless("/pixel_sigma", detail));
         }
+        let prior = request.prior.as_ref().map(PosePrior::try_from).transpose();
+        let prior = prior.map_err(|fault| fault.within("/prior"))?;
         let mode = match (request.correspondence, request.outliers) {
             (Correspondence::Known, false) => Mode::Known,
             (Correspondence::Known, true) => Mode::Outliers,
@@ -79,6 +82,7 @@ impl PoseTask {
             pixels: request.image_points_px.into_iter().map(Vector2::from).collect(),
             pixel_sigma: sigma,
             options: request.solver.options(request.refine),
+            prior,
             mode,
         })
     }
@@ -97,6 +101,11 @@ impl PoseTask {
                 let (answer, assignment) = self.identified(target, terms);
                 (answer, None, Some(assignment))
             }
+        };
+        let middle = self.points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / self.points.len() as f64;
+        let answer = match &self.prior {
+            Some(prior) => answer.and_then(|answer| answer.given(prior, &Point::from(middle))),
+            None => answer,
         };
         PoseReply {
             id: self.id,
