@@ -75,10 +75,20 @@ async fn bad_frames_are_refused() {
     }
 }
 
+/// A prior with a predicted pose.
+fn predicted(quaternion: &[f64; 4], variance: f64) -> Value {
+    let row = |i: usize| (0..6).map(|j| if i == j { variance } else { 0.0 }).collect::<Vec<_>>();
+    json!({"pose": {
+        "rotation": {"quaternion_xyzw": quaternion},
+        "translation_m": [0, 0, 5],
+        "covariance": (0..6).map(row).collect::<Vec<_>>(),
+    }})
+}
+
 #[tokio::test]
 async fn bad_numbers_are_refused_with_their_place() {
     let station = Station::start().await;
-    let cases: [(Value, &str); 16] = [
+    let cases: [(Value, &str); 21] = [
         (poses(|r| r["camera"]["fx"] = json!(-600)), "/camera/fx"),
         (poses(|r| r["camera"]["fy"] = json!(0)), "/camera/fy"),
         (poses(|r| r["camera"]["cx"] = json!(null)), "/camera/cx"),
@@ -98,6 +108,11 @@ async fn bad_numbers_are_refused_with_their_place() {
         (poses(|r| r["pixel_sigma"] = json!(-1)), "/pixel_sigma"),
         (poses(|r| r["solver"] = json!("magic")), "/solver"),
         (poses(|r| r["correspondence"] = json!("maybe")), "/correspondence"),
+        (poses(|r| r["prior"] = json!({"visible_side": [0, 0, 0]})), "/prior/visible_side"),
+        (poses(|r| r["prior"] = json!({"roll_rad": [1, -1]})), "/prior/roll_rad"),
+        (poses(|r| r["prior"] = json!({"side": [0, 0, 1]})), "/prior/side"),
+        (poses(|r| r["prior"] = predicted(&[0.0, 0.0, 0.0, 2.0], 1.0)), "/prior/pose/rotation/quaternion_xyzw"),
+        (poses(|r| r["prior"] = predicted(&[0.0, 0.0, 0.0, 1.0], -1.0)), "/prior/pose/covariance"),
     ];
     for (request, pointer) in cases {
         let reply = station.post("/v1/poses", &request).await;

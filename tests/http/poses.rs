@@ -21,7 +21,7 @@ fn square() -> Value {
 #[tokio::test]
 async fn a_fronto_parallel_square_has_an_exact_pose_by_every_method() {
     let station = Station::start().await;
-    for solver in ["auto", "homography", "epnp", "posit", "ippe", "p3p"] {
+    for solver in ["auto", "homography", "epnp", "posit", "ippe", "p3p", "sqpnp"] {
         for refine in [true, false] {
             let mut request = square();
             request["solver"] = json!(solver);
@@ -36,6 +36,25 @@ async fn a_fronto_parallel_square_has_an_exact_pose_by_every_method() {
             assert!(reply.json["elapsed_us"].as_f64().expect("time") > 0.0);
         }
     }
+}
+
+#[tokio::test]
+async fn what_is_known_beforehand_enters_and_a_contradiction_is_told() {
+    let station = Station::start().await;
+    let mut request = square();
+    request["prior"] = json!({"visible_side": [0, 0, -1], "yaw_rad": [-1, 1]});
+    let reply = station.post("/v1/poses", &request).await;
+    let last = reply.json["pose"].clone();
+    assert!(last.is_object(), "{reply:?}");
+    // The pose of a reply is a prediction as it stands; two of equal weight have half the variance.
+    request["prior"] = json!({"pose": last});
+    let fused = station.post("/v1/poses", &request).await.json["pose"].clone();
+    let variance = |pose: &Value| pose["covariance"][2][2].as_f64().expect("a number");
+    assert!((variance(&fused) / variance(&last) - 0.5).abs() < 1e-3, "{fused}");
+    request["prior"] = json!({"visible_side": [0, 0, 1]});
+    let reply = station.post("/v1/poses", &request).await;
+    assert_eq!((&reply.json["pose"], &reply.json["reason"]), (&Value::Null, &json!("high_residual")));
+    assert!(reply.json["detail"].as_str().expect("words").contains("prior"), "{reply:?}");
 }
 
 #[tokio::test]

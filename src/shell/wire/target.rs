@@ -68,7 +68,8 @@ impl From<&Target> for TargetWire {
             id: marker.id.clone(),
             position_m: marker.position.coords.into(),
             radius_m: marker.radius_m,
-            normal: marker.normal.map(Into::into),
+            // A negative zero would be written as -0.0.
+            normal: marker.normal.map(|normal| normal.add_scalar(0.0).into()),
         };
         Self { name: target.name().into(), markers: target.markers().iter().map(marker).collect() }
     }
