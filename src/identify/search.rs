@@ -210,9 +210,15 @@ fn follow(
         }
         let reach = GATE * sky.sigma * spread_of_noise(other);
         let Some((blob, squared)) = sky.nearest(&(p.xy() / p.z)) else { continue };
-        let is_free = !blobs.contains(&blob) && hits.iter().all(|hit| hit.1 != blob);
-        if squared <= reach * reach && is_free && sky.options.shows(target, other.marker, pose) {
-            hits.push((other.marker, blob, 2.0 - squared / (reach * reach)));
+        let hit = (other.marker, blob, 2.0 - squared / (reach * reach));
+        if hit.2 < 1.0 || blobs.contains(&blob) || !sky.options.shows(target, other.marker, pose) {
+            continue;
+        }
+        // Of two markers near one blob it belongs to the nearer.
+        match hits.iter_mut().find(|known| known.1 == blob) {
+            Some(known) if known.2 < hit.2 => *known = hit,
+            Some(_) => {}
+            None => hits.push(hit),
         }
     }
     let [nearest, farthest] = sky.options.range_m;
