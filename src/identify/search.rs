@@ -42,6 +42,12 @@ pub(super) struct Candidate {
     pub fit: f64,
 }
 
+impl Candidate {
+    pub(super) fn found(&self) -> usize {
+        self.blob_of_marker.iter().flatten().count()
+    }
+}
+
 /// Candidates handed on from one base.
 const MAX_CANDIDATES: usize = 32;
 

@@ -41,8 +41,8 @@ const LN_AREA_SIGMA: f64 = 0.35;
 /// Clutter has areas spread evenly over this many powers of e.
 const LN_AREA_SPAN: f64 = 6.0;
 
-/// Steps of refinement for a first weight: enough from a pose of three markers.
-const ROUGH_STEPS: usize = 4;
+/// Steps of refinement for a first weight: from a pose of three markers four suffice as a rule, where that is bad a dozen.
+const ROUGH_STEPS: usize = 12;
 
 /// A candidate whose first weight is below the heaviest (or below chance) by this many powers of e need not be weighed well.
 const ROUGHLY_NOTHING: f64 = 14.0;
@@ -77,7 +77,7 @@ impl<'a> Scale<'a> {
         let mut rough: Vec<(f64, Candidate)> = candidates
             .into_iter()
             .filter(|candidate| !self.known.contains(&candidate.blob_of_marker))
-            .filter_map(|candidate| Some((self.rough_ln_factor(&candidate)?, candidate)))
+            .filter_map(|mut candidate| Some((self.rough_ln_factor(&mut candidate)?, candidate)))
             .collect();
         rough.sort_by(|a, b| b.0.total_cmp(&a.0));
         let heaviest = rough.first().map_or(0.0, |(ln_factor, _)| *ln_factor);
@@ -90,13 +90,26 @@ impl<'a> Scale<'a> {
         }
     }
 
-    /// The logarithm of a candidate's Bayes factor from the one minimum that its pose leads to.
-    fn rough_ln_factor(&self, candidate: &Candidate) -> Option<f64> {
-        let assignment = &candidate.blob_of_marker;
+    /// The logarithm of a candidate's Bayes factor from the one minimum that its pose leads to; if a blob lies where that pose
+    /// has a marker without one, then of the candidate with it.
+    fn rough_ln_factor(&self, candidate: &mut Candidate) -> Option<f64> {
         let options = RefineOptions { max_iterations: ROUGH_STEPS, ..RefineOptions::default() };
-        let refined = refine(self.camera, &self.correspondences(assignment), &candidate.pose, &options).ok()?;
-        let ln_evidence = -0.5 * refined.chi_square + 0.5 * refined.covariance.ln_determinant();
-        self.ln_bayes_factor(assignment, &refined.camera_from_target, ln_evidence)
+        let mut heaviest = None;
+        for _ in 0..2 {
+            let assignment = &candidate.blob_of_marker;
+            let refined = refine(self.camera, &self.correspondences(assignment), &candidate.pose, &options).ok()?;
+            candidate.pose = refined.camera_from_target;
+            let ln_evidence = -0.5 * refined.chi_square + 0.5 * refined.covariance.ln_determinant();
+            if let Some(ln_factor) = self.ln_bayes_factor(assignment, &candidate.pose, ln_evidence) {
+                heaviest = Some(heaviest.map_or(ln_factor, |known: f64| known.max(ln_factor)));
+            }
+            let settled = self.reassigned(assignment, &candidate.pose);
+            if settled.iter().flatten().count() <= candidate.found() {
+                break;
+            }
+            candidate.blob_of_marker = settled;
+        }
+        heaviest
     }
 
     /// Weighs an assignment, and what it becomes as blobs that fit its pose are added and such that do not are dropped.
