@@ -185,8 +185,8 @@ mod tests {
     use super::*;
     use crate::camera::Distortion;
     use crate::geometry::rotation;
+    use crate::scene::models::wing_six;
     use crate::target::Marker;
-    use crate::target::tests::wing_six;
 
     fn camera() -> Camera {
         Camera::checked([640, 480], [600.0; 2], [320.0, 240.0], Distortion::None).expect("a camera")

@@ -230,28 +230,12 @@ fn check_distinct(markers: &[Marker]) -> Result<(), TargetError> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
+    use crate::scene::models::wing_six;
 
     fn marker(id: &str, position: [f64; 3]) -> Marker {
         Marker { id: id.into(), position: position.into(), radius_m: Some(0.03), normal: None }
-    }
-
-    /// Six coplanar markers in no symmetric order, as the seed's beacon has them.
-    pub(crate) fn wing_six() -> Target {
-        let positions = [
-            ("nose", [0.31, 0.02]),
-            ("left", [-0.12, -0.36]),
-            ("right", [-0.20, 0.33]),
-            ("tail", [-0.38, -0.06]),
-            ("mid", [0.05, 0.11]),
-            ("tip", [0.14, -0.27]),
-        ];
-        let markers = positions
-            .into_iter()
-            .map(|(id, [x, y])| Marker { normal: Some(-Vector3::z()), ..marker(id, [x, y, 0.0]) })
-            .collect();
-        Target::checked("wing-six", markers).expect("a good target")
     }
 
     #[test]

@@ -138,7 +138,7 @@ fn base(target: &Target, markers: [usize; 3]) -> Base {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::target::tests::wing_six;
+    use crate::scene::models::wing_six;
 
     #[test]
     fn whichever_four_of_six_are_visible_one_base_is_among_them() {

@@ -83,11 +83,6 @@ mod tests {
     use crate::scene::render::{Optics, Sky, render};
 
     #[test]
-    fn the_demos_target_is_the_one_that_the_tests_use() {
-        assert_eq!(wing_six(), crate::target::tests::wing_six());
-    }
-
-    #[test]
     fn every_marker_lies_on_the_airframe_with_a_margin() {
         // Bare sky is black: around each marker there must be a ring of airframe.
         let pose = CameraFromTarget::new(nalgebra::Rotation3::identity(), Vector3::new(0.0, 0.0, 1.5));

@@ -24,15 +24,30 @@ pub async fn admit(State(app): State<App>, mut request: Request, next: Next) -> 
         let detail = "as many requests as the service takes are under way";
         return ApiError(Fault::new(FaultKind::Overloaded, detail)).into_response();
     };
-    metrics::gauge!("skypose_in_flight").increment(1.0);
+    let _under_way = UnderWay::new();
     let deadline = Instant::now() + app.service.settings().http.deadline();
     request.extensions_mut().insert(Deadline(deadline));
     let response = tokio::time::timeout_at(deadline.into(), next.run(request)).await;
-    metrics::gauge!("skypose_in_flight").decrement(1.0);
     response.unwrap_or_else(|_| {
         let detail = "the request took longer than it may";
         ApiError(Fault::new(FaultKind::DeadlineExceeded, detail)).into_response()
     })
+}
+
+/// Counts a request as under way while it lives: one whose client has gone is dropped where it stands.
+struct UnderWay;
+
+impl UnderWay {
+    fn new() -> Self {
+        metrics::gauge!("skypose_in_flight").increment(1.0);
+        Self
+    }
+}
+
+impl Drop for UnderWay {
+    fn drop(&mut self) {
+        metrics::gauge!("skypose_in_flight").decrement(1.0);
+    }
 }
 
 /// Counts, times and logs; gives every reply the id under which it stands in the log.

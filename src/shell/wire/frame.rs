@@ -292,7 +292,7 @@ pub struct RefusedWire {
     pub area_px: f64,
     /// x, y, width, height of the pixels that it spans.
     pub box_px: [u32; 4],
-    /// What speaks against it: `too_small`, `too_large`, elongated, ragged, `low_contrast`, `at_border`, crowded.
+    /// What speaks against it: `too_small`, `too_large`, `elongated`, `ragged`, `low_contrast`, `at_border`, `crowded`.
     pub reason: String,
 }
 

@@ -107,7 +107,7 @@ impl FrameQuery {
     pub fn read(query: &str) -> Result<FrameRequest, Fault> {
         let mut request = Map::new();
         let mut detector = Map::new();
-        for (name, text) in pairs(query) {
+        for (name, text) in form_urlencoded::parse(query.as_bytes()) {
             let form = |list: &[(&str, Form)]| list.iter().find(|(known, _)| *known == name).map(|(_, form)| *form);
             if let Some(form) = form(&REQUEST) {
                 match form {
@@ -161,35 +161,6 @@ fn value(name: &str, text: &str, form: Form) -> Result<Value, Fault> {
             numbers.map(Value::Array).ok_or_else(|| wrong("a list of numbers with commas between"))
         }
     }
-}
-
-/// Names and texts of an `application/x-www-form-urlencoded` query.
-fn pairs(query: &str) -> impl Iterator<Item = (String, String)> {
-    query.split('&').filter(|pair| !pair.is_empty()).map(|pair| {
-        let (name, text) = pair.split_once('=').unwrap_or((pair, ""));
-        (decoded(name), decoded(text))
-    })
-}
-
-/// Percent signs undone; what is no UTF-8 shows as such in the error.
-fn decoded(text: &str) -> String {
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut rest = text.as_bytes();
-    while let [first, tail @ ..] = rest {
-        let escape =
-            tail.first_chunk::<2>().and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
-        match (first, escape) {
-            (b'%', Some(byte)) => {
-                bytes.push(byte);
-                rest = &tail[2..];
-                continue;
-            }
-            (b'+', _) => bytes.push(b' '),
-            (other, _) => bytes.push(*other),
-        }
-        rest = tail;
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 #[cfg(test)]
