@@ -200,9 +200,10 @@ fn estimate_pose_near(
     };
     let mut reached: Vec<(Solver, Refined)> = starts.iter().filter_map(minimum_from).collect();
     let mut minima = distinct(reached.iter().map(|(_, refined)| *refined).collect());
-    if minima.len() < 2 {
-        // A plane has two as a rule; where the starts have led to one, the other may be its mirror image.
-        reached.extend(starts::flips(&pairs, &starts).iter().filter_map(minimum_from));
+    if let [only] = minima[..] {
+        // A plane has two as a rule, one nearly the mirror image of the other; the starts may have led to the same.
+        let others = starts::others(&pairs, &only.camera_from_target, reached[0].0);
+        reached.extend(others.iter().filter_map(minimum_from));
         minima = distinct(reached.iter().map(|(_, refined)| *refined).collect());
     }
     if minima.is_empty() {

@@ -2,11 +2,11 @@
 
 pub mod levenberg_marquardt;
 pub mod minima;
+pub mod posterior;
 
-pub use levenberg_marquardt::{
-    RefineError, RefineOptions, Refined, Stats, Stop, chi_square, information, nonlinearity, refine,
-};
+pub use levenberg_marquardt::{RefineError, RefineOptions, Refined, Stats, Stop, chi_square, information, refine};
 pub use minima::distinct;
+pub use posterior::{Posterior, posterior};
 
 use crate::camera::Pixel;
 use crate::geometry::{Point, space};

@@ -11,11 +11,12 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use rand::RngExt;
 use skypose::camera::Camera;
 use skypose::geometry::{CameraFromTarget, rotation::angle_between_rad};
 use skypose::pose::{PoseAnswer, PoseEstimate, PoseOptions, PosePrior, estimate_pose, estimate_pose_robustly};
 use skypose::random;
-use skypose::refine::{Correspondence, RefineOptions, Stop, refine};
+use skypose::refine::{Correspondence, RefineOptions, Refined, Stop, refine};
 use skypose::scene::cases::{self, Case};
 use skypose::solve::{Pair, Solver, squared_ray_error};
 
@@ -130,11 +131,11 @@ struct Tally {
     answered: u32,
     flips: u32,
     truth_among_all: u32,
+    /// The pose that the truth is meant by, whether it is the first or an alternative, lies within its 95 % ellipsoid.
+    inside: u32,
     reliable: u32,
     reliable_inside: u32,
     reliable_nees: f64,
-    inside: u32,
-    unflipped: u32,
 }
 
 fn tally(name: &str, count: u32, noise_px: f64, draw: impl Fn(&mut rand_chacha::ChaCha8Rng) -> Case) -> Tally {
@@ -147,13 +148,10 @@ fn tally(name: &str, count: u32, noise_px: f64, draw: impl Fn(&mut rand_chacha::
         tally.answered += 1;
         tally.truth_among_all += u32::from(all(&answer).any(|e| !is_flip(e, &case)));
         tally.flips += u32::from(is_flip(&answer.best, &case));
-        if !std::ptr::eq(nearest(&answer, &case), &raw const answer.best) {
-            continue;
-        }
-        let nees = nees(&answer.best, &case);
-        tally.unflipped += 1;
+        let meant = nearest(&answer, &case);
+        let nees = nees(meant, &case);
         tally.inside += u32::from(nees < CHI_SQUARE_6_95);
-        if answer.best.covariance_reliable {
+        if meant.covariance_reliable {
             tally.reliable += 1;
             tally.reliable_inside += u32::from(nees < CHI_SQUARE_6_95);
             tally.reliable_nees += nees;
@@ -179,7 +177,7 @@ fn with_a_pixel_of_noise_auto_lies_within_its_own_covariance_on_the_seeds_cases(
     assert_consistent(&tally);
     assert_eq!(tally.answered, 1000);
     assert!(tally.reliable > 600, "the linear approximation holds in most cases");
-    assert!(f64::from(tally.inside) > 0.9 * f64::from(tally.unflipped), "and is not far off in the others");
+    assert!(f64::from(tally.inside) > 0.93 * 1000.0, "and the moments of the valley in the others: {}", tally.inside);
     // What no method can tell from one frame: about 17 % of these attitudes are mirrored (issue of the geometry, not ours).
     assert!(tally.flips < 230, "{} flips", tally.flips);
     assert!(tally.truth_among_all >= 990, "{} with the truth among the answers", tally.truth_among_all);
@@ -190,6 +188,7 @@ fn targets_in_view_lie_within_their_covariance_flat_or_not() {
     let flat = tally("flat in view", 1000, 0.2, |rng| cases::visible_plane(rng, 6, 0.2));
     assert_consistent(&flat);
     assert!(flat.truth_among_all >= 990);
+    assert!(flat.inside > 925, "{} inside, reliable or not", flat.inside);
     let deep = tally("deep in view", 1000, 1.0, |rng| cases::visible_box(rng, 8, 1.0));
     assert_consistent(&deep);
     assert!(deep.flips <= 10, "{} flips", deep.flips);
@@ -197,15 +196,27 @@ fn targets_in_view_lie_within_their_covariance_flat_or_not() {
 
 #[test]
 fn probabilities_hold_over_many_cases() {
-    // Poses given a probability of p are right in a share p of cases, bin by bin, within four standard deviations and two
-    // hundredths for the approximation behind them.
+    probabilities_hold("probabilities", |rng| (cases::thesis_2012(rng, 1.0), 1.0));
+    probabilities_hold("probabilities in view", |rng| {
+        let noise_px = 0.1 * 20.0_f64.powf(rng.random_range(0.0..1.0));
+        (cases::visible_plane(rng, 6, noise_px), noise_px)
+    });
+}
+
+/// Poses given a probability of p are right in a share p of 20,000 cases, bin by bin, within two hundredths, and within
+/// one on average.
+fn probabilities_hold(name: &str, draw: impl Fn(&mut rand_chacha::ChaCha8Rng) -> (Case, f64)) {
     let mut bins = [(0_u32, 0_u32, 0.0_f64); 10];
-    for index in 0..4000 {
-        let case = cases::thesis_2012(&mut random::case("probabilities", index), 1.0);
-        let Ok(answer) = estimate_pose(&case.camera, &correspondences(&case, 1.0), &PoseOptions::default()) else {
+    let (mut answered, mut squared) = (0.0, 0.0);
+    for index in 0..20_000 {
+        let (case, noise_px) = draw(&mut random::case(name, index));
+        let Ok(answer) = estimate_pose(&case.camera, &correspondences(&case, noise_px), &PoseOptions::default()) else {
             continue;
         };
         let nearest = nearest(&answer, &case);
+        answered += 1.0;
+        squared +=
+            (answer.best.probability - f64::from(u8::from(std::ptr::eq(&raw const answer.best, nearest)))).powi(2);
         for estimate in all(&answer) {
             #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a share of ten")]
             let bin = &mut bins[((estimate.probability * 10.0) as usize).min(9)];
@@ -214,27 +225,35 @@ fn probabilities_hold_over_many_cases() {
             bin.2 += estimate.probability;
         }
     }
-    for (count, right, sum) in bins.into_iter().filter(|bin| bin.0 >= 100) {
+    let (mut off, mut given) = (0.0, 0.0);
+    for (count, right, sum) in bins.into_iter().filter(|bin| bin.0 >= 1000) {
         let (observed, stated) = (f64::from(right) / f64::from(count), sum / f64::from(count));
-        println!("stated {stated:.3}, observed {observed:.3} of {count}");
-        let chance = (stated * (1.0 - stated) / f64::from(count)).sqrt();
-        assert!(
-            (observed - stated).abs() < 4.0 * chance + 0.02,
-            "stated {stated:.3}, observed {observed:.3} of {count}"
-        );
+        println!("{name}: stated {stated:.3}, observed {observed:.3} of {count}");
+        off += (f64::from(right) - sum).abs();
+        given += f64::from(count);
+        assert!((observed - stated).abs() < 0.02, "{name}: stated {stated:.3}, observed {observed:.3} of {count}");
     }
+    println!("{name}: off by {:.4} on average, Brier score {:.4}", off / given, squared / answered);
+    assert!(off / given < 0.01, "{name}: off by {:.4} on average", off / given);
 }
 
 #[test]
 fn both_minima_of_a_plane_are_found_wherever_a_dense_search_finds_them() {
+    let draw = |index: u64| {
+        let rng = &mut random::case("dense", index);
+        match index % 3 {
+            0 => (cases::thesis_2012(rng, 1.0), 1.0),
+            1 => (cases::visible_plane(rng, 6, 0.5), 0.5),
+            _ => (cases::visible_plane(rng, 5, 1.0), 1.0),
+        }
+    };
     let mut two = 0;
-    for index in 0..60 {
-        let case = cases::visible_plane(&mut random::case("dense", index), 6, 0.5);
-        let seen = correspondences(&case, 0.5);
+    for index in 0..450 {
+        let (case, noise_px) = draw(index);
+        let seen = correspondences(&case, noise_px);
         let answer = estimate_pose(&case.camera, &seen, &PoseOptions::default()).expect("a pose");
         let found: Vec<&PoseEstimate> = all(&answer).collect();
         for minimum in dense_minima(&case.camera, &seen, &case) {
-            // Only minima that explain the points count.
             let known = found
                 .iter()
                 .any(|e| e.camera_from_target.difference_to(&minimum).norm() < 1e-3 * minimum.translation.norm());
@@ -242,28 +261,32 @@ fn both_minima_of_a_plane_are_found_wherever_a_dense_search_finds_them() {
         }
         two += u32::from(found.len() == 2);
     }
-    assert!(two > 10, "{two} of 60 are ambiguous enough to matter");
+    assert!(two > 200, "{two} of 450 are ambiguous enough to matter");
 }
 
 /// Minima from starts all over the sphere of attitudes, as far as they are worth an answer.
 fn dense_minima(camera: &Camera, seen: &[Correspondence], case: &Case) -> Vec<CameraFromTarget> {
-    let mut found: Vec<(f64, CameraFromTarget)> = Vec::new();
+    let mut found: Vec<Refined> = Vec::new();
     let mut rng = random::named("dense starts");
-    for _ in 0..200 {
+    for _ in 0..60 {
         let turn = cases::any_rotation(&mut rng);
         let start = CameraFromTarget::new(turn, case.camera_from_target.translation);
         let Ok(refined) = refine(camera, seen, &start, &RefineOptions::default()) else { continue };
-        if matches!(refined.stats.stop, Stop::MaxIterations { .. }) {
+        let pose = &refined.camera_from_target;
+        let behind = case.points.iter().any(|p| (*pose * *p).coords.z <= 0.0);
+        if behind || matches!(refined.stats.stop, Stop::MaxIterations { .. }) {
             continue;
         }
-        let pose = refined.camera_from_target;
-        if found.iter().all(|(_, known)| known.difference_to(&pose).norm() > 1e-4 * pose.translation.norm()) {
-            found.push((refined.chi_square, pose));
+        let far =
+            |known: &Refined| known.camera_from_target.difference_to(pose).norm() > 1e-4 * pose.translation.norm();
+        if found.iter().all(far) {
+            found.push(refined);
         }
     }
-    let least = found.iter().map(|(chi_square, _)| *chi_square).fold(f64::INFINITY, f64::min);
-    // exp(-16 / 2) = 3e-4 of the probability.
-    found.into_iter().filter(|(chi_square, _)| chi_square - least < 12.0).map(|(_, pose)| pose).collect()
+    // As probable as one in five hundred, by the curvature alone.
+    let ln_weight = |m: &Refined| -0.5 * m.chi_square + 0.5 * m.covariance.ln_determinant();
+    let most = found.iter().map(ln_weight).fold(f64::NEG_INFINITY, f64::max);
+    found.into_iter().filter(|m| ln_weight(m) - most > 0.002_f64.ln()).map(|m| m.camera_from_target).collect()
 }
 
 #[test]
@@ -288,7 +311,6 @@ fn a_method_alone_lies_within_the_covariance_of_its_own_arithmetic() {
 
 #[test]
 fn half_of_thirty_pairs_may_be_wrong() {
-    use rand::RngExt;
     let (mut good, count) = (0, 200);
     for index in 0..count {
         let mut rng = random::case("outliers", index);
@@ -308,7 +330,6 @@ fn half_of_thirty_pairs_may_be_wrong() {
 
 #[test]
 fn pairs_that_are_all_wrong_have_no_consensus() {
-    use rand::RngExt;
     for index in 0..100 {
         let mut rng = random::case("no consensus", index);
         let mut case = cases::visible_box(&mut rng, 20, 0.5);

@@ -2,7 +2,8 @@
 
 use super::{NoPose, PoseEstimate};
 use crate::camera::Camera;
-use crate::refine::{Correspondence, Refined, nonlinearity};
+use crate::geometry::CameraFromTarget;
+use crate::refine::{Correspondence, Posterior, Refined, posterior};
 
 /// How the residuals compare with their stated standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,12 +20,11 @@ const SIGNIFICANT_Z: f64 = 3.09;
 /// Alternatives less probable than this are left out.
 const NEGLIGIBLE: f64 = 1e-4;
 
-/// The error must be a paraboloid out to here, where 86 % of a normal variable in two dimensions lies ...
-const TESTED_DEVIATIONS: f64 = 2.0;
-
-/// ... within this relative deviation. Below it, 94 to 95 % of errors lie inside the 95 % ellipsoid, on the seed's cases as
-/// on small distant targets; above it, as few as 80 % (see the accuracy tests).
-const MAX_NONLINEARITY: f64 = 0.3;
+/// The covariance holds as such while chi-square keeps within this share of its paraboloid at two standard deviations of tilt,
+/// where 86 % of a normal variable in two dimensions lie. Up to here 94 to 95 % of errors lie inside the 95 % ellipsoid of the
+/// minimum's curvature alone, beyond it as few as 80 % (see the accuracy tests); with the moments of the bent valley 93 to
+/// 94 % do, but the error is no longer normal.
+const MAX_NONLINEARITY: f64 = 0.2;
 
 impl Consistency {
     /// Compares the best of `minima` (sorted by chi-square) with what `points` good points give.
@@ -67,8 +67,9 @@ fn ln_sum_exp(values: impl Iterator<Item = f64> + Clone) -> f64 {
 
 /// The minima that explain the points, by falling probability, and the logarithm of the evidence of all.
 ///
-/// Each minimum's share is the integral of the likelihood over its valley (Laplace): `exp(-chi^2 / 2) sqrt(det covariance)`.
-/// Probabilities among the minima allow for residuals larger than stated; the evidence for the pairs themselves does not.
+/// Each minimum's share is the integral of the likelihood over its valley, all attitudes and places counting as equally likely
+/// beforehand. Probabilities among the minima allow for residuals larger than stated; the evidence for the pairs themselves
+/// does not.
 pub(super) fn weigh(
     camera: &Camera,
     correspondences: &[Correspondence],
@@ -77,24 +78,37 @@ pub(super) fn weigh(
 ) -> (Vec<PoseEstimate>, f64) {
     let factor = consistency.variance_factor;
     let explained: Vec<&Refined> = minima.iter().filter(|m| m.chi_square <= consistency.chi_square_limit).collect();
-    let ln_weight = |m: &Refined| -0.5 * m.chi_square / factor + 0.5 * m.covariance.scaled(factor).ln_determinant();
-    let largest = explained.iter().map(|m| ln_weight(m)).fold(f64::NEG_INFINITY, f64::max);
-    let total: f64 = explained.iter().map(|m| (ln_weight(m) - largest).exp()).sum();
-    let mut estimates: Vec<PoseEstimate> = explained
+    let valleys: Vec<(&Refined, Posterior)> = explained
         .iter()
-        .filter(|m| (ln_weight(m) - largest).exp() >= NEGLIGIBLE * total)
-        .map(|m| PoseEstimate {
-            camera_from_target: m.camera_from_target,
-            covariance: m.covariance.scaled(factor),
-            covariance_reliable: nonlinearity(camera, correspondences, m, TESTED_DEVIATIONS * factor.sqrt())
-                <= MAX_NONLINEARITY,
-            reprojection_rms_px: m.rms_px,
-            probability: (ln_weight(m) - largest).exp() / total,
+        .enumerate()
+        .map(|(index, minimum)| {
+            let others: Vec<CameraFromTarget> = explained
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != index)
+                .map(|(_, other)| other.camera_from_target)
+                .collect();
+            (*minimum, posterior(camera, correspondences, minimum, &others, factor.sqrt()))
+        })
+        .collect();
+    let ln_weight = |(m, valley): &(&Refined, Posterior), factor: f64| {
+        -0.5 * m.chi_square / factor + 0.5 * m.covariance.scaled(factor).ln_determinant() + valley.ln_mass_ratio
+    };
+    let ln_total = ln_sum_exp(valleys.iter().map(|valley| ln_weight(valley, factor)));
+    let mut estimates: Vec<PoseEstimate> = valleys
+        .iter()
+        .map(|valley| (valley, (ln_weight(valley, factor) - ln_total).exp()))
+        .filter(|(_, probability)| *probability >= NEGLIGIBLE)
+        .map(|((minimum, valley), probability)| PoseEstimate {
+            camera_from_target: minimum.camera_from_target,
+            covariance: valley.covariance,
+            covariance_reliable: valley.nonlinearity <= MAX_NONLINEARITY,
+            reprojection_rms_px: minimum.rms_px,
+            probability,
         })
         .collect();
     estimates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let as_stated = |m: &Refined| -0.5 * m.chi_square + 0.5 * m.covariance.ln_determinant();
-    (estimates, ln_sum_exp(explained.iter().map(|m| as_stated(m))))
+    (estimates, ln_sum_exp(valleys.iter().map(|valley| ln_weight(valley, 1.0))))
 }
 
 #[cfg(test)]

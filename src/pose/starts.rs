@@ -18,6 +18,9 @@ pub(super) type Starts = ArrayVec<Start, 16>;
 /// them; the minimal solver finds them all.
 const FEW_POINTS: usize = 12;
 
+/// With this many or fewer, a plane can have a third minimum.
+const FEW_IN_A_PLANE: usize = 5;
+
 /// The method's poses first, then a pose already known, then those of the other minima that the layout can have.
 pub(super) fn of(pairs: &[Pair], named: Option<Solver>, known: Option<Start>) -> Result<Starts, NoPose> {
     let coplanar = spread_of(pairs).plane_ratio() <= NEARLY_COPLANAR_RATIO;
@@ -42,7 +45,8 @@ pub(super) fn of(pairs: &[Pair], named: Option<Solver>, known: Option<Start>) ->
     {
         starts.extend(poses.into_iter().map(|pose| (Solver::Ippe, pose)));
     }
-    if starts.is_empty() || (!coplanar && first != Solver::P3p && pairs.len() <= FEW_POINTS) {
+    let few = if coplanar { FEW_IN_A_PLANE } else { FEW_POINTS };
+    if starts.is_empty() || (first != Solver::P3p && pairs.len() <= few) {
         let poses = p3p_of_widest(pairs).into_iter().filter(|pose| is_in_front(pairs, pose));
         starts.extend(poses.map(|pose| (Solver::P3p, pose)));
     }
@@ -52,27 +56,38 @@ pub(super) fn of(pairs: &[Pair], named: Option<Solver>, known: Option<Start>) ->
     Ok(starts)
 }
 
-/// The other attitudes that look nearly the same if the points lie in a plane: its normal mirrored about the line of sight.
-pub(super) fn flips(pairs: &[Pair], poses: &[Start]) -> Starts {
+/// A plane's normal nearer to the line of sight than this is its own mirror image, to the eye of an iteration.
+const FACE_ON_RAD: f64 = 0.2;
+
+/// Where a plane's other minimum may be, once one is known: at the attitude that looks nearly the same, the normal mirrored
+/// about the line of sight; for a plane seen face on, tilted to any side.
+pub(super) fn others(pairs: &[Pair], known: &CameraFromTarget, solver: Solver) -> Starts {
     let spread = spread_of(pairs);
+    let centre = known.rotation * spread.centre + known.translation;
+    let Some(sight) = Unit::try_new(centre, 0.0) else { return Starts::new() };
     if spread.plane_ratio() > NEARLY_COPLANAR_RATIO {
         return Starts::new();
     }
-    poses
+    let normal: Vector3<f64> = known.rotation * spread.axes.column(2);
+    // Turns the normal to the line of sight, either way along it.
+    let upright = if normal.dot(&sight) < 0.0 { -normal } else { normal };
+    let axis = upright.cross(&sight);
+    let tilt = axis.norm().atan2(upright.dot(&sight));
+    let mut turns: ArrayVec<Vector3<f64>, 4> = ArrayVec::new();
+    if tilt > FACE_ON_RAD {
+        turns.push(axis.normalize() * (2.0 * tilt));
+    } else {
+        let side: Vector3<f64> = known.rotation * spread.axes.column(0);
+        let other = normal.cross(&side);
+        turns.extend([side, -side, other, -other].map(|axis| axis * (2.0 * FACE_ON_RAD)));
+    }
+    turns
         .iter()
-        .take(4)
-        .filter_map(|(solver, pose)| {
-            let centre = pose.rotation * spread.centre + pose.translation;
-            let sight = Unit::try_new(centre, 0.0)?;
-            let normal: Vector3<f64> = pose.rotation * spread.axes.column(2);
-            // Turn that takes the normal to its mirror image: twice the angle between them, in their plane.
-            let axis = normal.cross(&sight);
-            let sine = axis.norm();
-            let angle = 2.0 * sine.atan2(normal.dot(&sight));
-            let turn = rotation::exp(&(axis.try_normalize(1e-6)? * angle));
-            let flipped = turn * pose.rotation;
-            let pose = CameraFromTarget::new(flipped, centre - flipped * spread.centre);
-            is_in_front(pairs, &pose).then_some((*solver, pose))
+        .map(|turn| {
+            let rotation = rotation::exp(turn) * known.rotation;
+            CameraFromTarget::new(rotation, centre - rotation * spread.centre)
         })
+        .filter(|pose| is_in_front(pairs, pose))
+        .map(|pose| (solver, pose))
         .collect()
 }

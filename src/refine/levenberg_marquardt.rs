@@ -24,7 +24,7 @@ pub struct RefineOptions {
 
 impl Default for RefineOptions {
     fn default() -> Self {
-        Self { max_iterations: 60, step_limit: 1e-6 }
+        Self { max_iterations: 300, step_limit: 1e-6 }
     }
 }
 
@@ -172,31 +172,6 @@ pub fn information(
         .map_err(|index| RefineError::NotVisible { index })
 }
 
-/// How far the error is from the paraboloid that the covariance stands for: the largest relative deviation of
-/// `chi^2(pose + step) - chi^2(pose)` from its quadratic approximation over steps of `deviations` standard deviations both
-/// ways along each principal axis of the covariance. Infinite if such a step leaves the view.
-#[must_use]
-pub fn nonlinearity(camera: &Camera, correspondences: &[Correspondence], minimum: &Refined, deviations: f64) -> f64 {
-    // Principal axes in units in which metres and radians compare: the columns of any factor of the covariance would do,
-    // those of the scaled eigenvectors are the ones along which valleys run.
-    let covariance = minimum.covariance.matrix();
-    let scale = covariance.diagonal().map(f64::sqrt);
-    let correlation = Matrix6::from_fn(|r, c| covariance[(r, c)] / (scale[r] * scale[c]));
-    let eigen = correlation.symmetric_eigen();
-    let mut worst = 0.0_f64;
-    for axis in 0..6 {
-        let length = deviations * eigen.eigenvalues[axis].max(0.0).sqrt();
-        let step: Vector6<f64> = eigen.eigenvectors.column(axis).component_mul(&scale) * length;
-        for signed in [step, -step] {
-            let moved = minimum.camera_from_target.perturbed(&signed);
-            let Some(chi_square) = chi_square(camera, correspondences, &moved) else { return f64::INFINITY };
-            let rise = (chi_square - minimum.chi_square) / (deviations * deviations);
-            worst = worst.max((rise - 1.0).abs());
-        }
-    }
-    worst
-}
-
 /// Sum of squared residuals in units of their standard deviations; `None` if a point has no image at this pose.
 #[must_use]
 pub fn chi_square(camera: &Camera, correspondences: &[Correspondence], pose: &CameraFromTarget) -> Option<f64> {
@@ -239,7 +214,7 @@ fn linearize(
 }
 
 /// Where the point appears at this pose, and how that moves with the pose's six coordinates.
-fn project_with_pose_jacobian(
+pub(super) fn project_with_pose_jacobian(
     camera: &Camera,
     pose: &CameraFromTarget,
     seen: &Correspondence,
