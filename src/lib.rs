@@ -12,6 +12,7 @@
 //! | [`target`] | a constellation of markers, how its points are spread |
 //! | [`frame`] | one picture: decoding within limits, raw formats, region of interest |
 //! | [`random`] | generators that have a name |
+//! | [`statistics`] | shares and quantiles by which errors are judged |
 //!
 //! *Flow*, in the order in which a frame passes:
 //!
@@ -84,4 +85,5 @@ pub mod refine;
 pub mod scene;
 pub mod shell;
 pub mod solve;
+pub mod statistics;
 pub mod target;

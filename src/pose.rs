@@ -15,7 +15,7 @@ use crate::refine::{Correspondence, RefineOptions, Refined, Stop, distinct, refi
 use crate::solve::{Pair, SolveError, Solver, is_in_front};
 use starts::Start;
 
-pub use evidence::{Consistency, chi_square_quantile};
+pub use evidence::Consistency;
 pub use prior::PosePrior;
 pub use robust::estimate_pose_robustly;
 

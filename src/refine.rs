@@ -1,10 +1,13 @@
 //! Candidate pose to best pose: least reprojection error in the raw image, with covariance.
 
 pub mod levenberg_marquardt;
+pub mod loss;
 pub mod minima;
 pub mod posterior;
 
+pub(crate) use levenberg_marquardt::project_with_pose_jacobian;
 pub use levenberg_marquardt::{RefineError, RefineOptions, Refined, Stats, Stop, chi_square, information, refine};
+pub use loss::Loss;
 pub use minima::distinct;
 pub use posterior::{Posterior, posterior};
 

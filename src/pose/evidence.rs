@@ -4,6 +4,7 @@ use super::{NoPose, PoseEstimate};
 use crate::camera::Camera;
 use crate::geometry::CameraFromTarget;
 use crate::refine::{Correspondence, Posterior, Refined, posterior};
+use crate::statistics::chi_square_quantile;
 
 /// How the residuals compare with their stated standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,14 +50,6 @@ impl Consistency {
         let variance_factor = if best > expected { best / freedom } else { 1.0 };
         Ok(Self { variance_factor, chi_square_limit })
     }
-}
-
-/// The quantile of chi-square at `z` standard deviations of a normal variable (Wilson and Hilferty 1931; within 1 % from
-/// two degrees of freedom on).
-#[must_use]
-pub fn chi_square_quantile(freedom: f64, z: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom);
-    freedom * (1.0 - spread + z * spread.sqrt()).powi(3)
 }
 
 /// `ln(sum(exp(x)))` without overflow.
@@ -109,18 +102,4 @@ pub(super) fn weigh(
         .collect();
     estimates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     (estimates, ln_sum_exp(valleys.iter().map(|valley| ln_weight(valley, 1.0))))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_agree_with_the_tables() {
-        // Abramowitz and Stegun, table 26.8, at 0.999. Wilson and Hilferty's cube is 2.3 % off at two degrees and less at more.
-        for (freedom, tabulated) in [(2.0, 13.816), (6.0, 22.458), (30.0, 59.703)] {
-            let found = chi_square_quantile(freedom, 3.0902);
-            assert!((found / tabulated - 1.0).abs() < 0.025, "{freedom}: {found}");
-        }
-    }
 }

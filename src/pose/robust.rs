@@ -1,25 +1,39 @@
 //! A pose from pairs of which some are wrong.
 //!
-//! Random samples of three pairs give poses (P3P); the pose with the least truncated error over all pairs wins (MSAC, Torr
-//! and Zisserman 2000), each new winner being refined on its inliers first (local optimisation: Chum, Matas and Kittler 2003).
-//! Sampling stops when a better sample has become improbable. The numbers are drawn from a fixed seed, so the same request
-//! has the same answer.
+//! Random samples of three pairs give poses (P3P). The one wins that loses least over all pairs, where each pair's loss is
+//! marginalised over the noise that it may have ([`Loss::Marginal`], after MAGSAC++: Barath et al. 2020); each new winner is
+//! first refined under the same loss (local optimisation: Chum, Matas and Kittler 2003). Sampling stops when a better sample
+//! has become improbable, and a sample is dropped as soon as it has lost more than the winner. The numbers are drawn from a
+//! fixed seed, so the same request has the same answer.
 //!
-//! A winner counts only if so many pairs would hardly agree by chance (a contrario: Moisan and Stival 2004).
+//! The noise of the pairs that agree then says where right pairs end. A winner counts only if so many would hardly agree by
+//! chance (a contrario: Moisan and Stival 2004).
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix2, Vector3};
 use rand::RngExt;
 
-use super::{NoPose, PoseAnswer, PoseOptions, estimate_pose_near, rays};
+use super::{NoPose, PoseAnswer, PoseEstimate, PoseOptions, estimate_pose_near, rays};
 use crate::camera::Camera;
 use crate::geometry::CameraFromTarget;
 use crate::random;
-use crate::refine::{Correspondence, RefineOptions, refine};
+use crate::refine::{Correspondence, Loss, RefineOptions, project_with_pose_jacobian, refine};
 use crate::solve::Solver;
 use crate::solve::p3p::p3p;
 
 /// A pair further than this from its place, in standard deviations, is wrong: right ones exceed it once in 900.
 const GATE: f64 = 3.7;
+
+/// The noise may be up to so many times as large as stated.
+const WIDEST: f64 = 2.0;
+
+/// What a pair loses.
+const LOSS: Loss = Loss::Marginal { widest: WIDEST };
+
+/// Steps of refining a winner among samples.
+const STEPS: usize = 6;
+
+/// Median of chi-square with two degrees of freedom.
+const MEDIAN_SQUARED: f64 = 2.0 * std::f64::consts::LN_2;
 
 /// Most samples: enough for half of the pairs wrong, a thousand times over.
 const MAX_SAMPLES: usize = 3000;
@@ -30,7 +44,7 @@ const MISSED: f64 = 1e-6;
 /// Expected number of consensus sets as large as the winner's among wrong pairs alone, above which it is refused.
 const MAX_CHANCE: f64 = 1e-3;
 
-/// Rounds of refining a winner on its own inliers.
+/// Rounds in which the inliers may change with the pose that they give.
 const ROUNDS: usize = 3;
 
 /// The pose that most pairs agree on, and which these are.
@@ -58,8 +72,8 @@ pub fn estimate_pose_robustly(
         samples += 1;
         let [i, j, k] = three_of(given, &mut rng);
         for pose in p3p(&[bearings[i], bearings[j], bearings[k]], &[i, j, k].map(|n| pairs[n].point)) {
-            let cost = judge.cost(&pose);
-            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            let least = best.as_ref().map_or(f64::INFINITY, |(least, _)| *least);
+            if let Some(cost) = judge.cost_below(least, &pose) {
                 let (cost, pose) = judge.improved(cost, pose);
                 best = Some((cost, pose));
                 enough = enough.min(samples_needed(judge.inliers(&pose).iter().filter(|i| **i).count(), given));
@@ -67,28 +81,25 @@ pub fn estimate_pose_robustly(
         }
     }
     let no_consensus = NoPose::NoConsensus { given, need: (given / 4).max(need + 1).min(given) };
-    let Some((_, mut pose)) = best else { return Err(no_consensus) };
-    for _ in 0..ROUNDS {
-        let inliers = judge.inliers(&pose);
+    let Some((_, pose)) = best else { return Err(no_consensus) };
+    let mut inliers = judge.inliers(&pose);
+    let mut known = (Solver::P3p, pose);
+    for round in 1.. {
         if judge.expected_by_chance(&inliers) > MAX_CHANCE {
             return Err(no_consensus);
         }
         let chosen: Vec<Correspondence> =
             correspondences.iter().zip(&inliers).filter(|(_, inlier)| **inlier).map(|(c, _)| *c).collect();
-        let answer = estimate_pose_near(camera, &chosen, Some((Solver::P3p, pose)), options)?;
-        pose = answer.best.camera_from_target;
+        let answer = estimate_pose_near(camera, &chosen, Some(known), options)?;
+        let agreeing = judge.agreeing(&answer.best, &inliers);
         // Settled: the answer has the inliers that it was made from.
-        if judge.inliers(&pose) == inliers {
+        if agreeing == inliers || round == ROUNDS {
             return Ok((answer, inliers));
         }
-        if judge.inliers(&pose).iter().filter(|i| **i).count() < need {
-            return Err(no_consensus);
-        }
+        known = (answer.solver, answer.best.camera_from_target);
+        inliers = agreeing;
     }
-    let inliers = judge.inliers(&pose);
-    let chosen: Vec<Correspondence> =
-        correspondences.iter().zip(&inliers).filter(|(_, inlier)| **inlier).map(|(c, _)| *c).collect();
-    Ok((estimate_pose_near(camera, &chosen, Some((Solver::P3p, pose)), options)?, inliers))
+    Err(no_consensus)
 }
 
 fn three_of(count: usize, rng: &mut impl rand::Rng) -> [usize; 3] {
@@ -126,31 +137,59 @@ impl Judge<'_> {
             .map_or(f64::INFINITY, |place| (place - seen.pixel).norm_squared() / (seen.sigma_px * seen.sigma_px))
     }
 
-    fn cost(&self, pose: &CameraFromTarget) -> f64 {
-        self.correspondences.iter().map(|seen| self.error(seen, pose).min(GATE * GATE)).sum()
-    }
-
-    fn inliers(&self, pose: &CameraFromTarget) -> Vec<bool> {
-        self.correspondences.iter().map(|seen| self.error(seen, pose) < GATE * GATE).collect()
-    }
-
-    /// The pose refined on its inliers, as long as that lowers the cost.
-    fn improved(&self, mut cost: f64, mut pose: CameraFromTarget) -> (f64, CameraFromTarget) {
-        let options = RefineOptions { max_iterations: 10, ..RefineOptions::default() };
-        for _ in 0..ROUNDS {
-            let inliers: Vec<Correspondence> =
-                self.correspondences.iter().filter(|seen| self.error(seen, &pose) < GATE * GATE).copied().collect();
-            if inliers.len() < 4 {
-                break;
+    /// What the pose loses over all pairs, if that is less than `least`.
+    fn cost_below(&self, least: f64, pose: &CameraFromTarget) -> Option<f64> {
+        let mut cost = 0.0;
+        for seen in self.correspondences {
+            cost += LOSS.of(self.error(seen, pose)).0;
+            if cost >= least {
+                return None;
             }
-            let Ok(refined) = refine(self.camera, &inliers, &pose, &options) else { break };
-            let next = self.cost(&refined.camera_from_target);
-            if next >= cost {
-                break;
-            }
-            (cost, pose) = (next, refined.camera_from_target);
         }
-        (cost, pose)
+        Some(cost)
+    }
+
+    /// The pairs that agree with the pose, at the noise that those around it have.
+    fn inliers(&self, pose: &CameraFromTarget) -> Vec<bool> {
+        let errors: Vec<f64> = self.correspondences.iter().map(|seen| self.error(seen, pose)).collect();
+        let reach = LOSS.reach().powi(2);
+        let mut near: Vec<f64> = errors.iter().copied().filter(|error| *error < reach).collect();
+        let freedom = 2 * near.len();
+        let scale_squared = if freedom > 6 {
+            let middle = near.len() / 2;
+            let (_, median, _) = near.select_nth_unstable_by(middle, f64::total_cmp);
+            // The pose has taken six of the degrees of freedom.
+            (*median / MEDIAN_SQUARED * freedom as f64 / (freedom - 6) as f64).clamp(1.0, WIDEST * WIDEST)
+        } else {
+            1.0
+        };
+        errors.into_iter().map(|error| error < GATE * GATE * scale_squared).collect()
+    }
+
+    /// The pairs that agree with an estimate made from those that were `inside`: of the others the estimate's own uncertainty
+    /// is allowed for, which is large where few were inside.
+    fn agreeing(&self, estimate: &PoseEstimate, inside: &[bool]) -> Vec<bool> {
+        let pose = &estimate.camera_from_target;
+        let within = self.inliers(pose);
+        let admitted = |seen: &Correspondence| {
+            let (place, jacobian) = project_with_pose_jacobian(self.camera, pose, seen)?;
+            let spread = jacobian * estimate.covariance.matrix() * jacobian.transpose();
+            let sum = spread + Matrix2::identity() * (seen.sigma_px * seen.sigma_px);
+            let off = seen.pixel - place;
+            Some(off.dot(&sum.cholesky()?.solve(&off)) < GATE * GATE)
+        };
+        (self.correspondences.iter().zip(inside).zip(within))
+            .map(|((seen, was_inside), within)| within || (!was_inside && admitted(seen).unwrap_or(false)))
+            .collect()
+    }
+
+    /// The pose refined under the loss, if that lowers it.
+    fn improved(&self, cost: f64, pose: CameraFromTarget) -> (f64, CameraFromTarget) {
+        let options = RefineOptions { max_iterations: STEPS, step_limit: 0.01, loss: LOSS };
+        match refine(self.camera, self.correspondences, &pose, &options) {
+            Ok(refined) if refined.chi_square < cost => (refined.chi_square, refined.camera_from_target),
+            _ => (cost, pose),
+        }
     }
 
     /// Expected number of sets of this size, with a pose that three of them give, among pairs scattered over the picture.

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix2x6, Matrix6, Vector2, Vector6};
 use thiserror::Error;
 
-use super::Correspondence;
+use super::{Correspondence, Loss};
 use crate::camera::Camera;
 use crate::geometry::{CameraFromTarget, PoseCovariance, rotation::cross_matrix};
 
@@ -20,11 +20,13 @@ pub struct RefineOptions {
     /// Stop when a step is smaller than this share of a standard deviation in every direction: far below anything that the
     /// data can tell.
     pub step_limit: f64,
+    /// What is minimised.
+    pub loss: Loss,
 }
 
 impl Default for RefineOptions {
     fn default() -> Self {
-        Self { max_iterations: 300, step_limit: 1e-6 }
+        Self { max_iterations: 300, step_limit: 1e-6, loss: Loss::Squares }
     }
 }
 
@@ -35,7 +37,8 @@ pub struct Refined {
     pub camera_from_target: CameraFromTarget,
     /// Its covariance, for the given standard deviations of the pixels.
     pub covariance: PoseCovariance,
-    /// Sum of squared residuals in units of their standard deviations: chi-square with `2 n - 6` degrees of freedom.
+    /// Sum of the losses; with [`Loss::Squares`] that of squared residuals in units of their standard deviations, chi-square
+    /// with `2 n - 6` degrees of freedom.
     pub chi_square: f64,
     /// Root mean square distance between points and their projections, px.
     pub rms_px: f64,
@@ -105,7 +108,8 @@ pub fn refine(
     options: &RefineOptions,
 ) -> Result<Refined, RefineError> {
     let mut pose = *start;
-    let mut here = linearize(camera, correspondences, &pose).map_err(|index| RefineError::NotVisible { index })?;
+    let mut here =
+        linearize(camera, correspondences, &pose, options.loss).map_err(|index| RefineError::NotVisible { index })?;
     let mut damping = 1e-4;
     let mut growth = 2.0;
     let mut iterations = 0;
@@ -121,7 +125,7 @@ pub fn refine(
         let step = damped.cholesky().map(|c| c.solve(&here.descent));
         let next = step.filter(|s| s.iter().all(|x| x.is_finite())).and_then(|step| {
             let moved = pose.perturbed(&step);
-            let there = linearize(camera, correspondences, &moved).ok()?;
+            let there = linearize(camera, correspondences, &moved, options.loss).ok()?;
             Some((step, moved, there))
         });
         if let Some((step, moved, there)) = next {
@@ -167,7 +171,7 @@ pub fn information(
     correspondences: &[Correspondence],
     pose: &CameraFromTarget,
 ) -> Result<Matrix6<f64>, RefineError> {
-    linearize(camera, correspondences, pose)
+    linearize(camera, correspondences, pose, Loss::Squares)
         .map(|here| here.information)
         .map_err(|index| RefineError::NotVisible { index })
 }
@@ -189,16 +193,27 @@ fn linearize(
     camera: &Camera,
     correspondences: &[Correspondence],
     pose: &CameraFromTarget,
+    loss: Loss,
 ) -> Result<Linearized, usize> {
     let mut information = Matrix6::zeros();
     let mut descent = Vector6::zeros();
     let (mut chi_square, mut squares) = (0.0, 0.0);
     for (index, seen) in correspondences.iter().enumerate() {
-        let (projected, jacobian) = project_with_pose_jacobian(camera, pose, seen).ok_or(index)?;
+        let Some((projected, jacobian)) = project_with_pose_jacobian(camera, pose, seen) else {
+            let (lost, _) = loss.of(f64::INFINITY);
+            if lost.is_finite() {
+                // One of those that may be wrong.
+                chi_square += lost;
+                continue;
+            }
+            return Err(index);
+        };
         let distance: Vector2<f64> = seen.pixel - projected;
-        let weight = 1.0 / (seen.sigma_px * seen.sigma_px);
+        let stated = 1.0 / (seen.sigma_px * seen.sigma_px);
         squares += distance.norm_squared();
-        chi_square += weight * distance.norm_squared();
+        let (lost, slope) = loss.of(stated * distance.norm_squared());
+        chi_square += lost;
+        let weight = stated * slope;
         // The upper triangle only.
         for row in 0..6 {
             let (a, b) = (weight * jacobian[(0, row)], weight * jacobian[(1, row)]);
@@ -214,7 +229,7 @@ fn linearize(
 }
 
 /// Where the point appears at this pose, and how that moves with the pose's six coordinates.
-pub(super) fn project_with_pose_jacobian(
+pub(crate) fn project_with_pose_jacobian(
     camera: &Camera,
     pose: &CameraFromTarget,
     seen: &Correspondence,

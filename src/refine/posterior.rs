@@ -9,8 +9,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix6, Matrix6x2, Matrix6x3, Vector2, Vector3, Vector6};
 
-use super::levenberg_marquardt::project_with_pose_jacobian;
-use super::{Correspondence, Refined};
+use super::{Correspondence, Refined, project_with_pose_jacobian};
 use crate::camera::Camera;
 use crate::geometry::{CameraFromTarget, PoseCovariance};
 
