@@ -91,9 +91,9 @@ impl Protocol {
     }
 }
 
-/// Evenly drawn: most detectors are somewhere in it, and none is much better.
+/// As often below as above the middle of 0.45 px: every octave is as likely as the next.
 fn any_noise(rng: &mut impl Rng) -> f64 {
-    rng.random_range(0.1..2.0)
+    0.1 * 20.0_f64.powf(rng.random_range(0.0..1.0))
 }
 
 impl Trial {
