@@ -222,6 +222,8 @@ def say(what):
 
 def main():
     say({"opencv": cv2 and cv2.__version__, "poselib": poselib and poselib.__version__})
+    if not (cv2 or poselib):
+        return
     studies = json.loads(sys.stdin.readline())
     tasks = {name: [Task(sent) for sent in study["tasks"]] for name, study in studies.items()}
     results = {}

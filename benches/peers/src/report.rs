@@ -109,16 +109,21 @@ fn accuracy(study: &Study, all: &All, unit: Option<f64>) {
     for (method, results) in &all[&study.name] {
         let figures = figures(study, results);
         println!(
-            "| {method} | {:.2} | {:.1} | {:.1} | {:.2} | {:.2} | {:.2} |",
+            "| {method} | {:.2} | {:.1} | {:.1} | {:.2} | {:.2} | {} |",
             results.time_us / unit.unwrap_or(1.0),
             100.0 * figures.good_ratio,
             100.0 * figures.flip_ratio,
             figures.median_rotation_deg,
             100.0 * figures.median_range_ratio,
-            figures.over_bound_ratio,
+            over_bound(figures.over_bound_ratio),
         );
     }
     println!();
+}
+
+/// A single answer that is wrong altogether, though turned the right way, decides the larger ones; their size says nothing.
+fn over_bound(ratio: f64) -> String {
+    if ratio > 100.0 { "> 100".to_owned() } else { format!("{ratio:.2}") }
 }
 
 fn figures(study: &Study, results: &Results) -> Figures {
