@@ -87,7 +87,7 @@ pub struct Figures {
     /// Median error of the range as a share of it, likewise.
     pub median_range_ratio: f64,
     /// Root mean square error over the Cramer-Rao bound: `sqrt(mean(normalized_error_squared) / 6)` over the answers that are
-    /// no flips, where the bound is sharp; 1 reaches the bound. NaN where there are none.
+    /// no flips, where the bound is sharp; 1 reaches the bound. `NaN` where there are none.
     pub over_bound_ratio: f64,
 }
 
