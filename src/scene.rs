@@ -4,5 +4,7 @@ pub mod cases;
 pub mod encode;
 pub mod flight;
 pub mod models;
+pub mod protocols;
 pub mod render;
 pub mod truth;
+pub mod verdict;
