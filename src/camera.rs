@@ -7,11 +7,13 @@ pub mod disc;
 pub mod distortion;
 pub mod intrinsics;
 pub mod orthographic;
+pub mod parameters;
 pub mod projection;
 
 pub use distortion::Distortion;
 pub use intrinsics::{Camera, CameraError};
 pub use orthographic::{orthographic, scaled_orthographic};
+pub use parameters::ParameterCovariance;
 
 use nalgebra::Vector2;
 

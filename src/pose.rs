@@ -30,13 +30,32 @@ pub struct PoseOptions {
     /// Residuals of up to this many times their stated standard deviation still count as explained (the covariance grows
     /// with them); larger ones mean that pairs, camera or target are wrong.
     pub max_residual_ratio: f64,
+    /// How large the noise of the image points is.
+    pub noise: Noise,
     /// When refinement stops.
     pub refinement: RefineOptions,
 }
 
+/// How large the noise of the image points is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Noise {
+    /// As large as stated, unless the residuals say otherwise beyond doubt.
+    #[default]
+    Stated,
+    /// Unknown: the stated deviations only say how the points compare, the residuals say the rest. Six numbers of the
+    /// residuals go into the pose, so this takes five points and gets good from ten on.
+    Estimated,
+}
+
 impl Default for PoseOptions {
     fn default() -> Self {
-        Self { solver: None, refine: true, max_residual_ratio: 5.0, refinement: RefineOptions::default() }
+        Self {
+            solver: None,
+            refine: true,
+            max_residual_ratio: 5.0,
+            noise: Noise::Stated,
+            refinement: RefineOptions::default(),
+        }
     }
 }
 
@@ -65,6 +84,8 @@ pub struct PoseAnswer {
     pub alternatives: Vec<PoseEstimate>,
     /// The method that led to `best`.
     pub solver: Solver,
+    /// The noise of the image points on which the covariances rest, as a factor on the stated deviations.
+    pub noise_scale: f64,
     /// Logarithm of the evidence for these correspondences with their stated deviations, up to a constant for a given number
     /// of them: over all minima, likelihood times the volume in which it is high.
     pub ln_evidence: f64,
@@ -79,9 +100,9 @@ impl PoseAnswer {
     ///
     /// # Errors
     /// [`NoPose::DegenerateGeometry`] if none is.
-    pub fn restricted(self, is_possible: impl Fn(&CameraFromTarget) -> bool) -> Result<Self, NoPose> {
+    pub fn restricted(mut self, is_possible: impl Fn(&CameraFromTarget) -> bool) -> Result<Self, NoPose> {
         let mut possible: Vec<PoseEstimate> = std::iter::once(self.best)
-            .chain(self.alternatives)
+            .chain(std::mem::take(&mut self.alternatives))
             .filter(|estimate| is_possible(&estimate.camera_from_target))
             .collect();
         let total: f64 = possible.iter().map(|estimate| estimate.probability).sum();
@@ -95,7 +116,7 @@ impl PoseAnswer {
             )
         })?;
         let ln_evidence = self.ln_evidence + total.ln();
-        Ok(Self { best, alternatives: possible.collect(), solver: self.solver, ln_evidence })
+        Ok(Self { best, alternatives: possible.collect(), ln_evidence, ..self })
     }
 
     /// Whether a runner-up is probable enough to matter.
@@ -209,7 +230,7 @@ fn estimate_pose_near(
     if minima.is_empty() {
         return Err(NoPose::DegenerateGeometry("the image of these points does not fix a pose".into()));
     }
-    let consistency = Consistency::of(&minima, correspondences.len(), options.max_residual_ratio)?;
+    let consistency = Consistency::of(&minima, correspondences, options)?;
     let (estimates, ln_evidence) = evidence::weigh(camera, correspondences, &minima, &consistency);
     let mut estimates = estimates.into_iter();
     let (Some(best), alternatives) = (estimates.next(), estimates.collect()) else {
@@ -219,7 +240,7 @@ fn estimate_pose_near(
         best.covariance.normalized_error_squared(&best.camera_from_target, &refined.camera_from_target) < 1.0
     };
     let solver = reached.iter().find(|(_, refined)| led_to_best(refined)).unwrap_or(&reached[0]).0;
-    let refined = PoseAnswer { best, alternatives, solver, ln_evidence };
+    let refined = PoseAnswer { best, alternatives, solver, noise_scale: consistency.noise_scale, ln_evidence };
     match options.solver {
         Some(named) if !options.refine => propagation::unrefined(camera, correspondences, named, &pairs, refined),
         _ => Ok(refined),

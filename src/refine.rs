@@ -1,5 +1,6 @@
 //! Candidate pose to best pose: least reprojection error in the raw image, with covariance.
 
+pub mod calibration;
 pub mod levenberg_marquardt;
 pub mod loss;
 pub mod minima;

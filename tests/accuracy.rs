@@ -12,9 +12,11 @@
 use std::f64::consts::FRAC_PI_2;
 
 use rand::RngExt;
-use skypose::camera::Camera;
+use skypose::camera::{Camera, Distortion};
 use skypose::geometry::{CameraFromTarget, rotation::angle_between_rad};
-use skypose::pose::{PoseAnswer, PoseEstimate, PoseOptions, PosePrior, estimate_pose, estimate_pose_robustly};
+use skypose::pose::{
+    NoPose, Noise, PoseAnswer, PoseEstimate, PoseOptions, PosePrior, estimate_pose, estimate_pose_robustly,
+};
 use skypose::random;
 use skypose::refine::{Correspondence, RefineOptions, Refined, Stop, refine};
 use skypose::scene::cases::{self, Case};
@@ -361,4 +363,64 @@ fn a_prior_of_half_the_attitudes_halves_the_flips() {
     println!("flips of {answered}: {before} without, {after} with the limits that the draw has, {refused} refused");
     // Refused where the truth is in none of the poses: once in two hundred.
     assert!(answered > 980 && refused <= 10 && 100 * after <= 60 * before, "{before} {after} {refused}");
+}
+
+#[test]
+fn noise_that_nobody_stated_is_read_from_the_residuals() {
+    let options = PoseOptions { noise: Noise::Estimated, ..PoseOptions::default() };
+    let (mut inside, mut reliable, mut ratio_squared, count) = (0, 0, 0.0, 1000);
+    for index in 0..count {
+        let rng = &mut random::case("noise unknown", index);
+        let noise_px = 0.1 * 30.0_f64.powf(rng.random_range(0.0..1.0));
+        let case = cases::visible_box(rng, 16, noise_px);
+        let answer = estimate_pose(&case.camera, &correspondences(&case, 1.0), &options).expect("a pose");
+        ratio_squared += (answer.noise_scale / noise_px).powi(2);
+        if answer.best.covariance_reliable {
+            reliable += 1;
+            inside += u32::from(nees(nearest(&answer, &case), &case) < CHI_SQUARE_6_95);
+        }
+    }
+    let (ratio_squared, share) = (ratio_squared / count as f64, f64::from(inside) / f64::from(reliable));
+    println!("variance estimated over true {ratio_squared:.3}, {share:.3} of {reliable} inside");
+    // 26 degrees of freedom each: within four times sqrt(2 / 26 / 1000).
+    assert!((ratio_squared - 1.0).abs() < 0.035, "{ratio_squared:.3}");
+    // Student's t with so many: 93.5 % inside; four times sqrt(0.06 / 900).
+    assert!(reliable > 700 && (0.90..0.965).contains(&share), "{share:.3} of {reliable}");
+
+    let case = cases::visible_box(&mut random::case("noise unknown", 0), 4, 0.5);
+    let four = estimate_pose(&case.camera, &correspondences(&case, 1.0), &options);
+    assert_eq!(four, Err(NoPose::TooFewPoints { given: 4, need: 5 }));
+    let mut scattered = cases::visible_box(&mut random::case("noise unknown", 1), 16, 0.5);
+    scattered.pixels.rotate_left(5);
+    let refused = estimate_pose(&scattered.camera, &correspondences(&scattered, 1.0), &options);
+    assert!(matches!(refused, Err(NoPose::HighResidual { .. })), "{refused:?}");
+}
+
+#[test]
+fn an_uncertain_camera_makes_uncertain_poses() {
+    use skypose::random::normal;
+    // A calibration that leaves three pixels of focal length and two of the principal point.
+    let sigmas = [3.0, 3.0, 2.0, 2.0];
+    let rows: Vec<Vec<f64>> =
+        (0..4).map(|r| (0..4).map(|c| if r == c { sigmas[r] * sigmas[r] } else { 0.0 }).collect()).collect();
+    let (mut inside, mut inside_if_exact, count) = (0, 0, 1000);
+    for index in 0..count {
+        let rng = &mut random::case("camera uncertain", index);
+        let case = cases::visible_box(rng, 12, 0.2);
+        let [fx, fy] = case.camera.focal_lengths();
+        let [cx, cy] = case.camera.principal_point();
+        let mut off = |value: f64, sigma: f64| value + sigma * normal(rng);
+        let (focal, centre) = ([off(fx, 3.0), off(fy, 3.0)], [off(cx, 2.0), off(cy, 2.0)]);
+        let thought = Camera::checked([640, 480], focal, centre, Distortion::None).expect("a camera");
+        let uncertain = thought.with_parameter_covariance(&rows).expect("a covariance");
+        let seen = correspondences(&case, 0.2);
+        let nees_with = |camera: &Camera| {
+            let answer = estimate_pose(camera, &seen, &PoseOptions::default()).expect("a pose");
+            nees(nearest(&answer, &case), &case)
+        };
+        inside += u32::from(nees_with(&uncertain) < CHI_SQUARE_6_95);
+        inside_if_exact += u32::from(nees_with(&thought) < CHI_SQUARE_6_95);
+    }
+    println!("{inside} inside, {inside_if_exact} if the camera counts as exact, of {count}");
+    assert!((930..=970).contains(&inside) && inside_if_exact < 500, "{inside} {inside_if_exact}");
 }

@@ -116,7 +116,9 @@ mod tests {
 
     #[test]
     fn a_pose_is_told_with_its_range_and_its_rivals() {
-        let answer = |best, alternatives| Ok(PoseAnswer { best, alternatives, solver: Solver::Ippe, ln_evidence: 0.0 });
+        let answer = |best, alternatives| {
+            Ok(PoseAnswer { best, alternatives, solver: Solver::Ippe, noise_scale: 1.0, ln_evidence: 0.0 })
+        };
         assert_eq!(
             told(6, answer(estimate(0.03, 0.999), vec![estimate(0.03, 0.001)])),
             "wing-six  6/6 markers  5.00 \u{b1}0.03 m  p >0.99"

@@ -37,7 +37,7 @@ fn possible(turn: Vector3<f64>, translation: [f64; 3], probability: f64) -> Pose
 }
 
 fn answered(best: &PoseEstimate, alternatives: Vec<PoseEstimate>) -> PoseAnswer {
-    PoseAnswer { best: *best, alternatives, solver: Solver::Ippe, ln_evidence: 0.0 }
+    PoseAnswer { best: *best, alternatives, solver: Solver::Ippe, noise_scale: 1.0, ln_evidence: 0.0 }
 }
 
 fn is_about(pixel: Rgb<u8>, colour: [u8; 3]) -> bool {

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::Distortion;
+use super::parameters::ParameterCovariance;
 
 /// A calibrated camera. Only [`Camera::checked`] makes one, so its numbers are finite and its focal lengths positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,6 +16,7 @@ pub struct Camera {
     pub(super) cy: f64,
     pub(super) distortion: Distortion,
     pub(super) valid_radius: f64,
+    pub(super) parameter_covariance: Option<ParameterCovariance>,
 }
 
 /// Why a set of numbers is not a camera.
@@ -60,6 +62,12 @@ pub enum CameraError {
         /// What was given.
         value: f64,
     },
+    /// No covariance of this camera's parameters.
+    #[error("the covariance of the camera's parameters needs {problem}")]
+    ParameterCovariance {
+        /// What it lacks.
+        problem: &'static str,
+    },
 }
 
 impl CameraError {
@@ -70,6 +78,7 @@ impl CameraError {
             Self::Size { .. } => "width",
             Self::FocalLength { field, .. } | Self::PrincipalPoint { field, .. } => field,
             Self::Coefficient { .. } => "distortion",
+            Self::ParameterCovariance { .. } => "parameter_covariance",
         }
     }
 }
@@ -110,7 +119,17 @@ impl Camera {
                 return Err(CameraError::Coefficient { model, index, value });
             }
         }
-        Ok(Self { width, height, fx, fy, cx, cy, valid_radius: distortion.valid_radius(), distortion })
+        Ok(Self {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            valid_radius: distortion.valid_radius(),
+            distortion,
+            parameter_covariance: None,
+        })
     }
 
     /// Image width, px.

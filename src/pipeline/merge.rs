@@ -66,7 +66,13 @@ mod tests {
 
     /// The first is the best.
     fn answer(poses: &[PoseEstimate]) -> PoseAnswer {
-        PoseAnswer { best: poses[0], alternatives: poses[1..].to_vec(), solver: Solver::Ippe, ln_evidence: 0.0 }
+        PoseAnswer {
+            best: poses[0],
+            alternatives: poses[1..].to_vec(),
+            solver: Solver::Ippe,
+            noise_scale: 1.0,
+            ln_evidence: 0.0,
+        }
     }
 
     /// Range and probability of each pose.

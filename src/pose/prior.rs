@@ -33,11 +33,11 @@ impl PoseAnswer {
     ///
     /// # Errors
     /// [`NoPose::HighResidual`] if every pose that explains the points contradicts the prior.
-    pub fn given(self, prior: &PosePrior, middle: &Point<space::Target>) -> Result<Self, NoPose> {
+    pub fn given(mut self, prior: &PosePrior, middle: &Point<space::Target>) -> Result<Self, NoPose> {
         let mut weighed: Vec<PoseEstimate> = Vec::new();
         let mut agrees = false;
         let mut total = 0.0;
-        for estimate in std::iter::once(self.best).chain(self.alternatives) {
+        for estimate in std::iter::once(self.best).chain(std::mem::take(&mut self.alternatives)) {
             let share = prior.share_allowed(&estimate, middle);
             let (fused, density, is_near) = prior.fused(&estimate);
             agrees |= share > CONTRADICTION && is_near;
@@ -57,12 +57,8 @@ impl PoseAnswer {
         weighed.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let mut weighed = weighed.into_iter();
         let best = weighed.next().unwrap_or(self.best);
-        Ok(Self {
-            best,
-            alternatives: weighed.collect(),
-            solver: self.solver,
-            ln_evidence: self.ln_evidence + total.ln(),
-        })
+        let ln_evidence = self.ln_evidence + total.ln();
+        Ok(Self { best, alternatives: weighed.collect(), ln_evidence, ..self })
     }
 }
 
@@ -153,6 +149,7 @@ mod tests {
             best: estimate(Vector3::new(0.6, 0.0, 0.0), 0.6),
             alternatives: vec![estimate(Vector3::new(-0.6, 0.0, 0.0), 0.4)],
             solver: Solver::Ippe,
+            noise_scale: 1.0,
             ln_evidence: 0.0,
         }
     }

@@ -22,11 +22,11 @@ pub(super) fn unrefined(
     correspondences: &[Correspondence],
     solver: Solver,
     pairs: &[Pair],
-    refined: PoseAnswer,
+    mut refined: PoseAnswer,
 ) -> Result<PoseAnswer, NoPose> {
     let pose = solver.solve(pairs)?[0];
     let mut minima = vec![refined.best];
-    minima.extend(refined.alternatives);
+    minima.append(&mut refined.alternatives);
     let minimum = minima.remove(nearest(&minima, &pose));
     let covariance = tried(camera, correspondences, solver, &minimum, &minima).ok_or_else(|| {
         NoPose::DegenerateGeometry(format!("{} is not stable under the noise of these points", solver.name()))
@@ -48,7 +48,7 @@ pub(super) fn unrefined(
         reprojection_rms_px: rms_px(camera, correspondences, &pose),
         probability: minimum.probability,
     };
-    Ok(PoseAnswer { best, alternatives: minima, solver, ln_evidence: refined.ln_evidence })
+    Ok(PoseAnswer { best, alternatives: minima, solver, ..refined })
 }
 
 /// The position of the minimum whose attitude is nearest.

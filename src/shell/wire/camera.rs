@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::camera::{Camera, Distortion};
+use crate::camera::{Camera, Distortion, ParameterCovariance};
 use crate::shell::fault::Fault;
 
 /// A calibrated camera. Pixels throughout; the centre of the top-left pixel is (0, 0).
@@ -25,6 +25,10 @@ pub struct CameraWire {
     /// The lens; none if left out.
     #[serde(default)]
     pub distortion: DistortionWire,
+    /// Covariance of the parameters, rows in the order fx, fy, cx, cy and the distortion coefficients (or the first four
+    /// alone), as a calibration gives it. It enters the covariance of every pose; without it the camera counts as exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameter_covariance: Option<Vec<Vec<f64>>>,
 }
 
 /// Lens distortion, models and order of the coefficients as in ROS `CameraInfo` and OpenCV.
@@ -102,8 +106,13 @@ impl TryFrom<&CameraWire> for Camera {
     type Error = Fault;
 
     fn try_from(wire: &CameraWire) -> Result<Self, Fault> {
-        Self::checked([wire.width, wire.height], [wire.fx, wire.fy], [wire.cx, wire.cy], wire.distortion.checked()?)
-            .map_err(|error| Fault::of_camera(&error))
+        let lens = wire.distortion.checked()?;
+        let camera = Self::checked([wire.width, wire.height], [wire.fx, wire.fy], [wire.cx, wire.cy], lens);
+        match &wire.parameter_covariance {
+            Some(rows) => camera.and_then(|camera| camera.with_parameter_covariance(rows)),
+            None => camera,
+        }
+        .map_err(|error| Fault::of_camera(&error))
     }
 }
 
@@ -124,6 +133,7 @@ impl From<&Camera> for CameraWire {
             cx,
             cy,
             distortion: DistortionWire { model, coefficients: camera.distortion().coefficients().to_vec() },
+            parameter_covariance: camera.parameter_covariance().map(ParameterCovariance::rows),
         }
     }
 }
@@ -146,6 +156,11 @@ mod tests {
         let there = there.expect("a good camera");
         assert_eq!(Camera::try_from(&CameraWire::from(&there)), Ok(there));
         assert!(camera("").is_ok());
+        let uncertain = camera(r#", "parameter_covariance": [[4, 3, 0, 0], [3, 4, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]"#);
+        let uncertain = uncertain.expect("a covariance of the first four");
+        assert_eq!(Camera::try_from(&CameraWire::from(&uncertain)), Ok(uncertain));
+        let fault = camera(r#", "parameter_covariance": [[1, 0], [0, 1]]"#).expect_err("of two");
+        assert_eq!(fault.pointer.as_deref(), Some("/parameter_covariance"));
     }
 
     #[test]

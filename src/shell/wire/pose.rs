@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 use super::reference::CameraOrName;
 use super::{CameraWire, PriorWire, Problem, Ref};
 use crate::geometry::{Direction, EulerAngles, Point, rotation};
-use crate::pose::{NoPose, PoseAnswer, PoseEstimate, PoseOptions};
+use crate::pose::{NoPose, Noise, PoseAnswer, PoseEstimate, PoseOptions};
 use crate::solve::Solver;
 
 /// Points of a target and where a camera sees them.
@@ -27,6 +27,12 @@ pub struct PoseRequest {
     #[serde(default = "one")]
     #[schema(exclusive_minimum = 0, default = 1.0)]
     pub pixel_sigma: f64,
+    /// The same for each image point, instead of one for all.
+    #[serde(default)]
+    pub pixel_sigmas: Option<Vec<f64>>,
+    /// Whether that is how large the noise is, or only how the points compare.
+    #[serde(default)]
+    pub noise: NoiseWire,
     /// The method.
     #[serde(default)]
     pub solver: SolverName,
@@ -51,6 +57,27 @@ const fn one() -> f64 {
 
 const fn yes() -> bool {
     true
+}
+
+/// How large the noise of the image points is.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
+#[schema(as = Noise)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseWire {
+    /// As large as stated.
+    #[default]
+    Stated,
+    /// As large as the residuals say; takes five points, better ten.
+    Estimated,
+}
+
+impl From<NoiseWire> for Noise {
+    fn from(wire: NoiseWire) -> Self {
+        match wire {
+            NoiseWire::Stated => Self::Stated,
+            NoiseWire::Estimated => Self::Estimated,
+        }
+    }
 }
 
 /// Whether the order of the image points tells which point is which.
@@ -280,6 +307,10 @@ pub struct PoseReply {
     /// The pose.
     #[serde(flatten)]
     pub answer: Answer,
+    /// The noise on which the covariances rest, as a factor on the stated standard deviations: estimated from the residuals
+    /// when asked, else 1 unless the residuals are significantly larger than stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_scale: Option<f64>,
     /// For each pair whether it agrees with the pose; with `outliers` only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inliers: Option<Vec<bool>>,

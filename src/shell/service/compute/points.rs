@@ -24,7 +24,8 @@ pub struct PoseTask {
     camera: Camera,
     points: Vec<Point<space::Target>>,
     pixels: Vec<Pixel>,
-    pixel_sigma: f64,
+    /// For each image point.
+    sigmas_px: Vec<f64>,
     options: PoseOptions,
     prior: Option<PosePrior>,
     mode: Mode,
@@ -62,11 +63,22 @@ impl PoseTask {
         }
         check_values("/object_points_m", &request.object_points_m, 1e6)?;
         check_values("/image_points_px", &request.image_points_px, 1e9)?;
-        let sigma = request.pixel_sigma;
-        if !(1e-6..=1e6).contains(&sigma) {
-            let detail = format!("pixel_sigma = {sigma}: a standard deviation from 0.000001 to 1000000 px is accepted");
-            return Err(Fault::senseless("/pixel_sigma", detail));
-        }
+        let sigmas_px = match request.pixel_sigmas {
+            Some(sigmas) if sigmas.len() != images => {
+                let detail = format!("{} standard deviations for {images} image points", sigmas.len());
+                return Err(Fault::senseless("/pixel_sigmas", detail));
+            }
+            Some(sigmas) => {
+                for (index, sigma) in sigmas.iter().enumerate() {
+                    check_sigma(format!("/pixel_sigmas/{index}"), *sigma)?;
+                }
+                sigmas
+            }
+            None => {
+                check_sigma("/pixel_sigma", request.pixel_sigma)?;
+                vec![request.pixel_sigma; images]
+            }
+        };
         let prior = request.prior.as_ref().map(PosePrior::try_from).transpose();
         let prior = prior.map_err(|fault| fault.within("/prior"))?;
         let mode = match (request.correspondence, request.outliers) {
@@ -80,8 +92,8 @@ impl PoseTask {
             camera,
             points: request.object_points_m.into_iter().map(Point::from).collect(),
             pixels: request.image_points_px.into_iter().map(Vector2::from).collect(),
-            pixel_sigma: sigma,
-            options: request.solver.options(request.refine),
+            sigmas_px,
+            options: PoseOptions { noise: request.noise.into(), ..request.solver.options(request.refine) },
             prior,
             mode,
         })
@@ -109,6 +121,7 @@ impl PoseTask {
         };
         PoseReply {
             id: self.id,
+            noise_scale: answer.as_ref().ok().map(|answer| answer.noise_scale),
             answer: (&answer).into(),
             inliers,
             assignment_probability: assignment.as_ref().and_then(|(_, probability)| *probability),
@@ -118,19 +131,19 @@ impl PoseTask {
     }
 
     fn correspondences(&self) -> Vec<refine::Correspondence> {
-        let pair = |(point, pixel): (&Point<space::Target>, &Pixel)| refine::Correspondence {
+        let pair = |((point, pixel), sigma_px): ((&Point<space::Target>, &Pixel), &f64)| refine::Correspondence {
             point: *point,
             pixel: *pixel,
-            sigma_px: self.pixel_sigma,
+            sigma_px: *sigma_px,
         };
-        self.points.iter().zip(&self.pixels).map(pair).collect()
+        self.points.iter().zip(&self.pixels).zip(&self.sigmas_px).map(pair).collect()
     }
 
     /// The answer of the best assignment with the poses of its rivals among the alternatives, and for each image point its
     /// object point, with the assignment's probability.
     fn identified(&self, target: &Target, terms: &Terms) -> (Result<PoseAnswer, NoPose>, Assignment) {
-        let blobs: Vec<Blob> =
-            self.pixels.iter().map(|p| Blob { pixel: *p, sigma_px: self.pixel_sigma, area_px: None }).collect();
+        let blob = |(pixel, sigma_px): (&Pixel, &f64)| Blob { pixel: *pixel, sigma_px: *sigma_px, area_px: None };
+        let blobs: Vec<Blob> = self.pixels.iter().zip(&self.sigmas_px).map(blob).collect();
         // The caller states the whole uncertainty of the points.
         let options = IdentifyOptions { model_sigma_px: 0.0, ..terms.identify };
         let identified = match identify(&self.camera, target, &blobs, &options) {
@@ -157,6 +170,14 @@ fn check_count(pointer: &str, given: usize, least: usize, most: usize) -> Result
         return Ok(());
     }
     Err(Fault::senseless(pointer, format!("{given} points: from {least} to {most} are accepted here")))
+}
+
+fn check_sigma(pointer: impl Into<String>, sigma: f64) -> Result<(), Fault> {
+    if (1e-6..=1e6).contains(&sigma) {
+        return Ok(());
+    }
+    let detail = format!("{sigma}: a standard deviation from 0.000001 to 1000000 px is accepted");
+    Err(Fault::senseless(pointer, detail))
 }
 
 fn check_values<const N: usize>(pointer: &str, points: &[[f64; N]], most: f64) -> Result<(), Fault> {
