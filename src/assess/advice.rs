@@ -3,9 +3,12 @@
 //! Hundreds of moves are scored on images without noise; the few best are then measured like any cell, with the same draws as
 //! the constellation as it is.
 
+use std::fmt;
+
 use nalgebra::Vector3;
 
 use super::AssessOptions;
+use super::budget;
 use super::cell::{Cell, measure};
 use super::draws::Draw;
 use super::score::Scorer;
@@ -17,7 +20,7 @@ use crate::target::{Marker, Target};
 const REPORTED: usize = 3;
 
 /// Moves that are measured.
-const MEASURED: usize = 6;
+const MEASURED: usize = 4;
 
 /// Markers whose moves are tried: those at the rim and those in the middle, where a target has more.
 const MOST_MOVED: usize = 8;
@@ -56,49 +59,92 @@ pub struct Advice {
     pub after: Figures,
 }
 
+impl fmt::Display for Advice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let step = self.to.coords - self.from.coords;
+        let sideways_m = (step.norm_squared() - self.outward_m * self.outward_m).max(0.0).sqrt();
+        let mm = |metres: f64| format!("{:.0} mm", metres * 1e3);
+        let towards = if self.outward_m > 0.0 { "towards the viewer" } else { "away from the viewer" };
+        let outward = format!("{} out of the plane {towards}", mm(self.outward_m.abs()));
+        let way = match (sideways_m > 1e-6, self.outward_m.abs() > 1e-6) {
+            (true, true) => format!("{} sideways and {outward}", mm(sideways_m)),
+            (true, false) => format!("{} sideways", mm(sideways_m)),
+            (false, _) => outward,
+        };
+        // A negative zero would be written as -0.000.
+        let to = self.to.coords.map(|c| if c.abs() < 5e-4 { 0.0 } else { c });
+        let percent = |rate: f64| format!("{:.0} %", rate * 100.0);
+        write!(
+            f,
+            "move {} {way}, to ({:.3}, {:.3}, {:.3}) m: flips {} -> {}",
+            self.id,
+            to.x,
+            to.y,
+            to.z,
+            percent(self.before.flip_rate),
+            percent(self.after.flip_rate),
+        )?;
+        if let Some((before, after)) = self.before.identified_rate.zip(self.after.identified_rate) {
+            write!(f, ", identified {} -> {}", percent(before), percent(after))?;
+        }
+        if let Some((before, after)) = self.before.attitude_error_rad.zip(self.after.attitude_error_rad) {
+            write!(f, ", attitude {:.1} -> {:.1} deg", before.to_degrees(), after.to_degrees())?;
+        }
+        Ok(())
+    }
+}
+
 /// Means over the aspects at one range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// Of [`Cell::flip_rate`]; 1 where no aspect gives a pose.
+    /// Of [`Cell::flip_rate`]; 1 where an aspect gives no pose.
     pub flip_rate: f64,
-    /// Of [`Cell::identified_rate`].
-    pub identified_rate: f64,
-    /// Of [`Cell::attitude_sigma_rad`], root mean square; `None` where no aspect gives a pose.
-    pub attitude_sigma_rad: Option<f64>,
+    /// Of [`Cell::identified_rate`]; `None` where that was not simulated.
+    pub identified_rate: Option<f64>,
+    /// Of [`Cell::attitude_error_rad`], root mean square; `None` where no aspect gives a pose.
+    pub attitude_error_rad: Option<f64>,
 }
 
 impl Figures {
     /// Over cells of one range.
     pub(super) fn of(cells: &[Cell]) -> Self {
-        let count = cells.len().max(1) as f64;
-        let squares: Vec<f64> = cells.iter().filter_map(|cell| cell.attitude_sigma_rad).map(|s| s * s).collect();
-        let attitude = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+        let mean = |values: Vec<f64>| (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
+        let squares = cells.iter().filter_map(|cell| cell.attitude_error_rad).map(|error| error * error);
         Self {
             // No pose is no better than a wrong one.
-            flip_rate: cells.iter().map(|cell| cell.flip_rate.unwrap_or(1.0)).sum::<f64>() / count,
-            identified_rate: cells.iter().map(|cell| cell.identified_rate).sum::<f64>() / count,
-            attitude_sigma_rad: (!squares.is_empty()).then_some(attitude),
+            flip_rate: mean(cells.iter().map(|cell| cell.flip_rate.unwrap_or(1.0)).collect()).unwrap_or(1.0),
+            identified_rate: mean(cells.iter().filter_map(|cell| cell.identified_rate).collect()),
+            attitude_error_rad: mean(squares.collect()).map(f64::sqrt),
         }
     }
 
     /// What a move is to make small.
     fn loss(&self) -> f64 {
-        self.flip_rate + 1.0 - self.identified_rate
+        self.flip_rate + self.identified_rate.map_or(0.0, |rate| 1.0 - rate)
     }
 }
 
-/// The best moves, the best first; none if none is worth it.
+/// The best moves, the best first, and the figures of the target as it is.
 pub(super) fn advice(
     stage: &Stage<'_>,
     range_m: f64,
     aspects_rad: &[f64],
-    draws: &[Draw],
-    before: Figures,
     options: &AssessOptions,
-) -> Vec<Advice> {
-    let scorer = Scorer::new(range_m, aspects_rad, options, stage.target.markers().len());
+) -> (Figures, Vec<Advice>) {
+    let markers = stage.target.markers().len();
+    let stays_flat = options.keep_flat && stage.target.spread().is_coplanar();
+    let budget = budget::measuring(stage.target, stays_flat, MEASURED + 1, aspects_rad.len());
+    let draws = Draw::first(budget.draws, markers);
+    let figures = |stage: &Stage<'_>| {
+        let cell = |aspect: &f64| measure(stage, range_m, *aspect, &draws, budget.identified_draws, options);
+        Figures::of(&aspects_rad.iter().map(cell).collect::<Vec<_>>())
+    };
+    let before = figures(stage);
+    let moves = moves(stage, options.keep_flat);
+    let turns = budget::sorting_turns(stage.target, stays_flat, moves.len());
+    let scorer = Scorer::new(range_m, aspects_rad, options, markers, turns);
     let as_it_is = scorer.score(stage);
-    let mut scored: Vec<(f64, Move, Target)> = moves(stage, options.keep_flat)
+    let mut scored: Vec<(f64, Move, Target)> = moves
         .into_iter()
         .filter_map(|step| {
             let moved = step.applied(stage.target)?;
@@ -109,10 +155,7 @@ pub(super) fn advice(
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut measured: Vec<Advice> = Vec::new();
     for (_, step, moved) in best_of_each_marker(scored) {
-        let moved_stage = stage.with(&moved);
-        let cells: Vec<Cell> =
-            aspects_rad.iter().map(|aspect| measure(&moved_stage, range_m, *aspect, draws, options)).collect();
-        let after = Figures::of(&cells);
+        let after = figures(&stage.with(&moved));
         let marker = &stage.target.markers()[step.marker];
         if before.loss() - after.loss() >= WORTHWHILE {
             measured.push(Advice {
@@ -128,7 +171,7 @@ pub(super) fn advice(
     }
     measured.sort_by(|a, b| a.after.loss().total_cmp(&b.after.loss()));
     measured.truncate(REPORTED);
-    measured
+    (before, measured)
 }
 
 /// The best move of each marker until there are enough, so that the advice leaves a choice.

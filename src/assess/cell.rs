@@ -2,11 +2,11 @@
 
 use super::AssessOptions;
 use super::draws::Draw;
-use super::sight::{Bound, MarkedBlob, Sight};
+use super::sight::{Bound, MarkedBlob, Seen, Sight};
 use super::stage::Stage;
 use crate::geometry::rotation;
 use crate::identify::identify;
-use crate::pose::{PoseAnswer, PoseOptions, estimate_pose};
+use crate::pose::{PoseAnswer, PoseEstimate, PoseOptions, estimate_pose};
 
 /// An attitude further from the truth than this is that of the wrong minimum (or, far away, of none).
 const FLIPPED_BEYOND_RAD: f64 = 0.349_065_850_398_865_9;
@@ -32,27 +32,33 @@ pub struct Cell {
     pub closest_px: Option<f64>,
     /// Radius of the largest of them in the picture, where known.
     pub marker_radius_px: Option<f64>,
+    /// Area of the smallest of them in the picture, where known. The colour detector needs some pixels to find it at all.
+    pub smallest_area_px: Option<f64>,
     /// Standard deviation of the range of the markers' centre, at least (Cramer-Rao).
     pub range_sigma_m: Option<f64>,
     /// Root mean square angle between its true direction and the estimated one, at least.
     pub bearing_sigma_rad: Option<f64>,
-    /// Root mean square angle of the error of the attitude, at least, provided that the minimum is the right one. At most
-    /// 2.3, which is that of an attitude of which nothing is known.
+    /// Root mean square angle of the error of the attitude as the bound has it, at most 2.3, which is that of an attitude of
+    /// which nothing is known. Far too large where poses are not reliable: seen face on, tilt changes the picture only in
+    /// second order, of which the bound knows nothing.
     pub attitude_sigma_rad: Option<f64>,
+    /// Root mean square angle of the error of simulated attitudes, of each answer the pose nearest to the truth.
+    pub attitude_error_rad: Option<f64>,
     /// Share of simulated poses whose covariance is called reliable.
     pub reliable_rate: Option<f64>,
     /// Share of simulated poses, markers being known, whose attitude is more than 20 degrees off: the wrong minimum.
     pub flip_rate: Option<f64>,
     /// Share of draws that give no pose even if the markers are known: too few seen, or in a line.
     pub no_pose_rate: f64,
-    /// Share of draws in which the markers are told apart: the right assignment, with a probability of 0.95 or more.
-    pub identified_rate: f64,
+    /// Share of draws in which the markers are told apart: the right assignment, with a probability of 0.95 or more. `None`,
+    /// like the next three, where that was not simulated, as the target has too many markers.
+    pub identified_rate: Option<f64>,
     /// Share of draws in which some assignment is found but its probability is below 0.95.
-    pub unsure_rate: f64,
+    pub unsure_rate: Option<f64>,
     /// Share of draws in which no assignment is found that cannot be chance.
-    pub refused_rate: f64,
+    pub refused_rate: Option<f64>,
     /// Share of draws in which a wrong assignment is stated with a probability of 0.95 or more.
-    pub mistaken_rate: f64,
+    pub mistaken_rate: Option<f64>,
     /// Share of draws in which blobs of two markers grow together.
     pub merged_rate: f64,
 }
@@ -66,21 +72,26 @@ enum Identification {
     Mistaken,
 }
 
-/// Measures a cell with these draws.
+/// Measures a cell with these draws, in the first `identified_draws` of which markers are told apart.
 pub(super) fn measure(
     stage: &Stage<'_>,
     range_m: f64,
     aspect_rad: f64,
     draws: &[Draw],
+    identified_draws: usize,
     options: &AssessOptions,
 ) -> Cell {
     let mut tally = Tally::default();
-    for draw in draws {
+    for (index, draw) in draws.iter().enumerate() {
         let pose = stage.pose(range_m, aspect_rad, draw);
         let sight = Sight::at(stage, pose, options.identify.max_tilt_rad);
         tally.add_sight(&sight, options.pixel_sigma);
         tally.add_pose(stage, &sight, draw, options.pixel_sigma);
-        tally.add_identification(stage, &sight, draw, options);
+        let blobs = sight.blobs(draw, options.pixel_sigma);
+        tally.merged += usize::from(blobs.iter().any(|blob| blob.markers.len() > 1));
+        if index < identified_draws {
+            tally.identifications.push(identification(stage, &blobs, options));
+        }
     }
     tally.cell(range_m, aspect_rad, draws.len())
 }
@@ -92,8 +103,10 @@ struct Tally {
     extents_px: f64,
     closest_px: Option<f64>,
     marker_radius_px: Option<f64>,
+    smallest_area_px: Option<f64>,
     bounds: Vec<Bound>,
     poses: usize,
+    attitude_squares: f64,
     reliable: usize,
     flipped: usize,
     identifications: Vec<Identification>,
@@ -110,6 +123,9 @@ impl Tally {
         for radius in sight.seen.iter().filter_map(|seen| seen.radius_px) {
             self.marker_radius_px = Some(self.marker_radius_px.map_or(radius, |known| known.max(radius)));
         }
+        for area in sight.seen.iter().filter_map(Seen::area_px) {
+            self.smallest_area_px = Some(self.smallest_area_px.map_or(area, |known| known.min(area)));
+        }
         self.bounds.extend(sight.bound(pixel_sigma));
     }
 
@@ -118,17 +134,14 @@ impl Tally {
         let faces = |pose: &_| sight.seen.iter().all(|seen| stage.target.faces_camera(seen.marker, pose));
         let answer = estimate_pose(stage.camera, &pairs, &PoseOptions::default());
         let Ok(answer) = answer.and_then(|answer| answer.restricted(faces)) else { return };
-        let best = answer.best;
-        let off_rad = rotation::angle_between_rad(&best.camera_from_target.rotation, &sight.pose.rotation);
+        let off_rad = |estimate: &PoseEstimate| {
+            rotation::angle_between_rad(&estimate.camera_from_target.rotation, &sight.pose.rotation)
+        };
+        let best_off_rad = off_rad(&answer.best);
         self.poses += 1;
-        self.reliable += usize::from(best.covariance_reliable);
-        self.flipped += usize::from(off_rad > FLIPPED_BEYOND_RAD);
-    }
-
-    fn add_identification(&mut self, stage: &Stage<'_>, sight: &Sight<'_>, draw: &Draw, options: &AssessOptions) {
-        let blobs = sight.blobs(draw, options.pixel_sigma);
-        self.merged += usize::from(blobs.iter().any(|blob| blob.markers.len() > 1));
-        self.identifications.push(identification(stage, &blobs, options));
+        self.attitude_squares += answer.alternatives.iter().map(off_rad).fold(best_off_rad, f64::min).powi(2);
+        self.reliable += usize::from(answer.best.covariance_reliable);
+        self.flipped += usize::from(best_off_rad > FLIPPED_BEYOND_RAD);
     }
 
     fn cell(self, range_m: f64, aspect_rad: f64, draws: usize) -> Cell {
@@ -138,7 +151,11 @@ impl Tally {
             (!self.bounds.is_empty()).then(|| (squares / self.bounds.len() as f64).sqrt())
         };
         let of_poses = |count: usize| (self.poses > 0).then(|| count as f64 / self.poses as f64);
-        let share = |kind: Identification| self.identifications.iter().filter(|k| **k == kind).count() as f64 / draws;
+        let tried = self.identifications.len();
+        let share = |kind: Identification| {
+            let count = self.identifications.iter().filter(|k| **k == kind).count();
+            (tried > 0).then(|| count as f64 / tried as f64)
+        };
         Cell {
             range_m,
             aspect_rad,
@@ -146,9 +163,11 @@ impl Tally {
             extent_px: self.extents_px / draws,
             closest_px: self.closest_px,
             marker_radius_px: self.marker_radius_px,
+            smallest_area_px: self.smallest_area_px,
             range_sigma_m: rms(|bound| bound.range_m),
             bearing_sigma_rad: rms(|bound| bound.bearing_rad),
             attitude_sigma_rad: rms(|bound| bound.attitude_rad),
+            attitude_error_rad: (self.poses > 0).then(|| (self.attitude_squares / self.poses as f64).sqrt()),
             reliable_rate: of_poses(self.reliable),
             flip_rate: of_poses(self.flipped),
             no_pose_rate: 1.0 - self.poses as f64 / draws,

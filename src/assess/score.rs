@@ -24,30 +24,46 @@ pub(super) struct Scorer {
     max_tilt_rad: f64,
     identify: IdentifyOptions,
     turns: Vec<(f64, Draw)>,
+    /// Turns at which markers are told apart.
+    identified_turns: usize,
 }
 
 impl Scorer {
-    pub(super) fn new(range_m: f64, aspects_rad: &[f64], options: &AssessOptions, markers: usize) -> Self {
+    pub(super) fn new(
+        range_m: f64,
+        aspects_rad: &[f64],
+        options: &AssessOptions,
+        markers: usize,
+        identified_turns: usize,
+    ) -> Self {
         let count = (TURNS * TURNS_MARKERS / markers.max(TURNS_MARKERS)).max(2);
         let turns = (0..count)
             .map(|index| (aspects_rad[index % aspects_rad.len().max(1)], Draw::numbered(index as u64, markers)))
             .collect();
         // Nothing is refused: what counts is how probable the right assignment is.
         let identify = IdentifyOptions { min_probability: 0.0, ..options.identify };
-        Self { range_m, pixel_sigma: options.pixel_sigma, max_tilt_rad: options.identify.max_tilt_rad, identify, turns }
+        Self {
+            range_m,
+            pixel_sigma: options.pixel_sigma,
+            max_tilt_rad: options.identify.max_tilt_rad,
+            identify,
+            turns,
+            identified_turns,
+        }
     }
 
     /// Probability of a wrong minimum plus probability of a wrong assignment, means over the turns: 0 is best.
     pub(super) fn score(&self, stage: &Stage<'_>) -> f64 {
-        let sum: f64 = self
-            .turns
-            .iter()
-            .map(|(aspect_rad, draw)| {
-                let sight = Sight::at(stage, stage.pose(self.range_m, *aspect_rad, draw), self.max_tilt_rad);
-                self.flip_probability(stage, &sight) + 1.0 - self.assignment_probability(stage, &sight, draw)
-            })
-            .sum();
-        sum / self.turns.len().max(1) as f64
+        let sight = |(aspect_rad, draw): &(f64, Draw)| {
+            Sight::at(stage, stage.pose(self.range_m, *aspect_rad, draw), self.max_tilt_rad)
+        };
+        let flips: f64 = self.turns.iter().map(|turn| self.flip_probability(stage, &sight(turn))).sum();
+        // Spread over the aspects.
+        let stride = self.turns.len().div_ceil(self.identified_turns.max(1)).max(1);
+        let identified = self.turns.iter().step_by(stride).take(self.identified_turns);
+        let wrong: f64 =
+            identified.clone().map(|turn| 1.0 - self.assignment_probability(stage, &sight(turn), &turn.1)).sum();
+        flips / self.turns.len().max(1) as f64 + wrong / identified.count().max(1) as f64
     }
 
     /// That noise carries the image more than half way to that of the other minimum. The two are `sqrt(chi-square)` standard

@@ -133,7 +133,7 @@ impl<'a> Sight<'a> {
             .map(|group| {
                 let count = group.len() as f64;
                 let pixel = group.iter().map(|s| s.pixel + draw.noise[s.marker] * pixel_sigma).sum::<Pixel>() / count;
-                let area_px = group.iter().map(|seen| area_px(seen, draw)).sum();
+                let area_px = group.iter().map(|seen| blurred_area_px(seen, draw)).sum();
                 let markers: Vec<usize> = group.iter().map(|seen| seen.marker).collect();
                 (draw.order[markers[0]], MarkedBlob { blob: Blob { pixel, sigma_px: pixel_sigma, area_px }, markers })
             })
@@ -143,10 +143,16 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// Of the ellipse with half a pixel of blur all round.
-fn area_px(seen: &Seen, draw: &Draw) -> Option<f64> {
-    let sharp = std::f64::consts::PI * seen.radius_px?.powi(2) * seen.facing.abs();
-    Some((sharp.sqrt() + 1.0).powi(2) * (LN_AREA_SIGMA * draw.area_noise[seen.marker]).exp())
+impl Seen {
+    /// Of the ellipse that a disc appears as.
+    pub(super) fn area_px(&self) -> Option<f64> {
+        Some(std::f64::consts::PI * self.radius_px?.powi(2) * self.facing.abs())
+    }
+}
+
+/// As a detector measures it, with half a pixel of blur all round.
+fn blurred_area_px(seen: &Seen, draw: &Draw) -> Option<f64> {
+    Some((seen.area_px()?.sqrt() + 1.0).powi(2) * (LN_AREA_SIGMA * draw.area_noise[seen.marker]).exp())
 }
 
 #[cfg(test)]

@@ -137,6 +137,10 @@ impl Ruler {
                 }
             }
         }
+        if ticks.iter().filter(|tick| !tick.label.is_empty()).count() < 2 {
+            // So narrow that equal ratios are nearly equal differences.
+            ticks = Self::linear(low, high, true).ticks;
+        }
         Self { scale: Scale::Logarithmic, low, high, ticks }
     }
 
@@ -184,6 +188,7 @@ mod tests {
         assert_eq!(labels(&Axis::logarithmic("l"), &[0.9, 60.0]), ["1", "2", "5", "10", "20", "50"]);
         assert_eq!(labels(&Axis::logarithmic("l"), &[0.002, 30.0]), ["0.01", "0.1", "1", "10"]);
         assert_eq!(labels(&Axis::logarithmic("l"), &[1.9, 4.2]), ["2", "3", "4"]);
+        assert_eq!(labels(&Axis::logarithmic("l"), &[0.0101, 0.0129]), ["0.01", "0.011", "0.012", "0.013"]);
     }
 
     #[test]
