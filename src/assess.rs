@@ -123,11 +123,10 @@ pub fn assess(camera: &Camera, target: &Target, options: &AssessOptions) -> Asse
     let ranges_m =
         rising(if options.ranges_m.is_empty() { default_ranges_m(&stage) } else { options.ranges_m.clone() });
     let aspects_rad = rising(options.aspects_rad.clone());
-    let budget = budget::grid(target, ranges_m.len(), aspects_rad.len());
+    let budget = budget::grid(target, advice::stays_flat(target, options), ranges_m.len(), aspects_rad.len());
     let draws = Draw::first(budget.draws, target.markers().len());
     let measured = |range: usize, aspect: usize| {
-        let from_farthest = ranges_m.len() - 1 - range;
-        let is_told_apart = from_farthest % budget.range_stride == 0 && aspect % budget.aspect_stride == 0;
+        let is_told_apart = budget.is_told_apart(ranges_m.len() - 1 - range, aspect);
         let identified_draws = if is_told_apart { budget.identified_draws } else { 0 };
         cell::measure(&stage, ranges_m[range], aspects_rad[aspect], &draws, identified_draws, options)
     };

@@ -19,9 +19,6 @@ use crate::target::{Marker, Target};
 /// Moves that are reported.
 const REPORTED: usize = 3;
 
-/// Moves that are measured.
-const MEASURED: usize = 4;
-
 /// Markers whose moves are tried: those at the rim and those in the middle, where a target has more.
 const MOST_MOVED: usize = 8;
 
@@ -132,8 +129,8 @@ pub(super) fn advice(
     options: &AssessOptions,
 ) -> (Figures, Vec<Advice>) {
     let markers = stage.target.markers().len();
-    let stays_flat = options.keep_flat && stage.target.spread().is_coplanar();
-    let budget = budget::measuring(stage.target, stays_flat, MEASURED + 1, aspects_rad.len());
+    let stays_flat = stays_flat(stage.target, options);
+    let budget = budget::measuring(stage.target, stays_flat, budget::MEASURED, aspects_rad.len());
     let draws = Draw::first(budget.draws, markers);
     let figures = |stage: &Stage<'_>| {
         let cell = |aspect: &f64| measure(stage, range_m, *aspect, &draws, budget.identified_draws, options);
@@ -174,11 +171,16 @@ pub(super) fn advice(
     (before, measured)
 }
 
+/// Whether all moves leave the target flat.
+pub(super) fn stays_flat(target: &Target, options: &AssessOptions) -> bool {
+    options.keep_flat && target.spread().is_coplanar()
+}
+
 /// The best move of each marker until there are enough, so that the advice leaves a choice.
 fn best_of_each_marker(scored: Vec<(f64, Move, Target)>) -> Vec<(f64, Move, Target)> {
     let mut chosen: Vec<(f64, Move, Target)> = Vec::new();
     for candidate in scored {
-        if chosen.len() < MEASURED && chosen.iter().all(|(_, step, _)| step.marker != candidate.1.marker) {
+        if chosen.len() < budget::MEASURED - 1 && chosen.iter().all(|(_, step, _)| step.marker != candidate.1.marker) {
             chosen.push(candidate);
         }
     }

@@ -21,11 +21,17 @@ const MEASURING_US: f64 = 200_000.0;
 /// Fewer noises than this make no rate.
 const LEAST_IDENTIFIED: usize = 6;
 
+/// Markers told apart at fewer ranges than this do not show how far that goes.
+const LEAST_RANGES: usize = 3;
+
+/// Variants of the target that are measured: as it is, and the best moves.
+pub(super) const MEASURED: usize = 5;
+
 /// Noises for each aspect when a move is measured.
 const MEASURING_DRAWS: usize = 16;
 
 /// Turns at which moves are sorted by how well markers are told apart.
-const SORTING_TURNS: usize = 4;
+const SORTING_TURNS: usize = 6;
 
 /// How many noises are simulated, and in which cells markers are told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,36 +40,44 @@ pub(super) struct Budget {
     pub draws: usize,
     /// Of these, noises in which markers are told apart; 0 for none, as there are too many of them.
     pub identified_draws: usize,
-    /// Markers are told apart at each range whose index is a multiple of this, counted from the farthest ...
+    /// Markers are told apart at every so many-th range, the farthest among them ...
     pub range_stride: usize,
-    /// ... and each aspect whose index is a multiple of this.
+    /// ... and every so many-th aspect.
     pub aspect_stride: usize,
 }
 
-/// For the whole grid.
-pub(super) fn grid(target: &Target, ranges: usize, aspects: usize) -> Budget {
+impl Budget {
+    /// Whether markers are told apart in the cell at these indices.
+    pub(super) const fn is_told_apart(&self, range_from_farthest: usize, aspect: usize) -> bool {
+        // Of few aspects the middle ones: face on is a special case.
+        range_from_farthest % self.range_stride == 0 && aspect % self.aspect_stride == self.aspect_stride / 2
+    }
+}
+
+/// For the whole grid, where moves of markers can change whether the target is flat or not.
+pub(super) fn grid(target: &Target, stays_flat: bool, ranges: usize, aspects: usize) -> Budget {
     let poses = POSES * QUICK_MARKERS / target.markers().len().max(QUICK_MARKERS);
     let draws = (poses / (ranges * aspects).max(1)).clamp(DRAWS[0], DRAWS[1]);
-    let affordable = affordable(GRID_US, identification_us(target, target.spread().is_coplanar()));
+    // What advice has no use for is spent here.
+    let spared = measuring(target, stays_flat, MEASURED, aspects).identified_draws == 0;
+    let time_us = if spared { GRID_US + SORTING_US + MEASURING_US } else { GRID_US };
+    let affordable = affordable(time_us, identification_us(target, target.spread().is_coplanar()));
     let (mut range_stride, mut aspect_stride) = (1, 1);
     loop {
         let cells = ranges.div_ceil(range_stride) * aspects.div_ceil(aspect_stride);
         let identified_draws = (affordable / cells.max(1)).min(draws);
-        let is_coarsest = range_stride >= ranges && aspect_stride >= aspects;
-        if identified_draws >= LEAST_IDENTIFIED || is_coarsest {
-            let enough = identified_draws >= LEAST_IDENTIFIED;
-            return Budget {
-                draws,
-                identified_draws: if enough { identified_draws } else { 0 },
-                range_stride,
-                aspect_stride,
-            };
+        if identified_draws >= LEAST_IDENTIFIED {
+            return Budget { draws, identified_draws, range_stride, aspect_stride };
         }
         // Aspects first: the range to which a target serves is what is asked.
         if aspect_stride < aspects && aspect_stride <= range_stride {
             aspect_stride += 1;
-        } else {
+        } else if ranges.div_ceil(range_stride + 1) >= LEAST_RANGES.min(ranges) {
             range_stride += 1;
+        } else if aspect_stride < aspects {
+            aspect_stride += 1;
+        } else {
+            return Budget { draws, identified_draws: 0, range_stride, aspect_stride };
         }
     }
 }
@@ -105,9 +119,13 @@ mod tests {
         target(&(0..markers).map(place).collect::<Vec<_>>())
     }
 
+    fn of(target: &Target, ranges: usize, aspects: usize) -> Budget {
+        grid(target, false, ranges, aspects)
+    }
+
     #[test]
     fn the_default_grid_of_a_small_target_is_simulated_in_every_cell() {
-        let budget = grid(&wing_six(), 10, 6);
+        let budget = of(&wing_six(), 10, 6);
         assert_eq!((budget.draws, budget.range_stride, budget.aspect_stride), (24, 1, 1));
         assert!(budget.identified_draws >= 16, "{budget:?}");
     }
@@ -117,24 +135,26 @@ mod tests {
         for markers in [4, 6, 8, 12, 16, 24, 40, 64] {
             for (ranges, aspects) in [(1, 1), (10, 6), (24, 12)] {
                 let cloud = cloud(markers);
-                let budget = grid(&cloud, ranges, aspects);
-                let cells = ranges.div_ceil(budget.range_stride) * aspects.div_ceil(budget.aspect_stride);
-                let time_us = (cells * budget.identified_draws) as f64 * identification_us(&cloud, false);
-                assert!(time_us <= GRID_US, "{markers} {ranges} {aspects}: {budget:?}");
+                let budget = of(&cloud, ranges, aspects);
+                let told_apart =
+                    (0..ranges * aspects).filter(|i| budget.is_told_apart(i / aspects, i % aspects)).count();
+                assert!(told_apart > 0);
+                let each_us = identification_us(&cloud, cloud.spread().is_coplanar());
+                let time_us = (told_apart * budget.identified_draws) as f64 * each_us;
+                assert!(time_us <= GRID_US + SORTING_US + MEASURING_US, "{markers} {ranges} {aspects}: {budget:?}");
                 assert!(budget.identified_draws == 0 || budget.identified_draws >= LEAST_IDENTIFIED);
                 let poses = ranges * aspects * budget.draws;
-                assert!(
-                    poses <= (POSES * 8 / 8).max(ranges * aspects * DRAWS[0]),
-                    "{markers} {ranges} {aspects}: {poses}"
-                );
+                assert!(poses <= POSES.max(ranges * aspects * DRAWS[0]), "{markers} {ranges} {aspects}: {poses}");
             }
         }
     }
 
     #[test]
     fn of_a_larger_target_fewer_cells_are_simulated_and_of_a_huge_one_none() {
-        let larger = grid(&cloud(12), 10, 6);
-        assert!(larger.range_stride > 1 && larger.identified_draws >= LEAST_IDENTIFIED, "{larger:?}");
-        assert_eq!(grid(&cloud(64), 10, 6).identified_draws, 0);
+        let larger = of(&cloud(12), 10, 6);
+        assert!(larger.aspect_stride > 1 && larger.identified_draws >= LEAST_IDENTIFIED, "{larger:?}");
+        let ranges = (0..10).filter(|range| of(&cloud(24), 10, 6).is_told_apart(*range, 3)).count();
+        assert!(ranges >= LEAST_RANGES, "{ranges}");
+        assert_eq!(of(&cloud(64), 10, 6).identified_draws, 0);
     }
 }

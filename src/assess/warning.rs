@@ -156,12 +156,12 @@ impl fmt::Display for Warning {
             Self::RadiusUnknown { ids } => write!(
                 f,
                 "no radius is given for {}: the areas of blobs cannot help, and when they grow together is not known",
-                ids.join(", ")
+                listed(ids)
             ),
             Self::NormalUnknown { ids } => write!(
                 f,
                 "no normal is given for {}: they are taken to be seen from everywhere, and poses from behind are not ruled out",
-                ids.join(", ")
+                listed(ids)
             ),
             Self::NoneToSpare { markers } => {
                 write!(f, "{markers} markers make a detection and there are no more: with one hidden there is no pose")
@@ -176,10 +176,14 @@ impl fmt::Display for Warning {
 
 /// "a to b, b to c", of the markers that move.
 fn moves(image_of: &[(String, String)]) -> String {
+    listed(&image_of.iter().filter(|(a, b)| a != b).map(|(a, b)| format!("{a} to {b}")).collect::<Vec<_>>())
+}
+
+/// The first few by name.
+fn listed(words: &[String]) -> String {
     const SHOWN: usize = 6;
-    let moved: Vec<String> = image_of.iter().filter(|(a, b)| a != b).map(|(a, b)| format!("{a} to {b}")).collect();
-    let rest = if moved.len() > SHOWN { format!(" and {} more", moved.len() - SHOWN) } else { String::new() };
-    format!("{}{rest}", moved[..moved.len().min(SHOWN)].join(", "))
+    let rest = if words.len() > SHOWN { format!(" and {} more", words.len() - SHOWN) } else { String::new() };
+    format!("{}{rest}", words[..words.len().min(SHOWN)].join(", "))
 }
 
 /// Everything that is to be said, the worst first.
