@@ -62,24 +62,24 @@ pub(super) fn grid(target: &Target, stays_flat: bool, ranges: usize, aspects: us
     let spared = measuring(target, stays_flat, MEASURED, aspects).identified_draws == 0;
     let time_us = if spared { GRID_US + SORTING_US + MEASURING_US } else { GRID_US };
     let affordable = affordable(time_us, identification_us(target, target.spread().is_coplanar()));
-    let (mut range_stride, mut aspect_stride) = (1, 1);
-    loop {
-        let cells = ranges.div_ceil(range_stride) * aspects.div_ceil(aspect_stride);
-        let identified_draws = (affordable / cells.max(1)).min(draws);
-        if identified_draws >= LEAST_IDENTIFIED {
-            return Budget { draws, identified_draws, range_stride, aspect_stride };
-        }
-        // Aspects first: the range to which a target serves is what is asked.
-        if aspect_stride < aspects && aspect_stride <= range_stride {
-            aspect_stride += 1;
-        } else if ranges.div_ceil(range_stride + 1) >= LEAST_RANGES.min(ranges) {
-            range_stride += 1;
-        } else if aspect_stride < aspects {
-            aspect_stride += 1;
-        } else {
-            return Budget { draws, identified_draws: 0, range_stride, aspect_stride };
-        }
-    }
+    // From every cell on, fewer and fewer.
+    strides(ranges, aspects)
+        .map(|(range_stride, aspect_stride)| {
+            let cells = ranges.div_ceil(range_stride) * aspects.div_ceil(aspect_stride);
+            let identified_draws = (affordable / cells.max(1)).min(draws);
+            Budget { draws, identified_draws, range_stride, aspect_stride }
+        })
+        .find(|budget| budget.identified_draws >= LEAST_IDENTIFIED)
+        .unwrap_or(Budget { draws, identified_draws: 0, range_stride: 1, aspect_stride: 1 })
+}
+
+/// Strides over ranges and aspects, growing in turn: the ranges until so few are left that they show nothing, the aspects to
+/// the last.
+fn strides(ranges: usize, aspects: usize) -> impl Iterator<Item = (usize, usize)> {
+    let coarsest = (1..=ranges).rev().find(|stride| ranges.div_ceil(*stride) >= LEAST_RANGES).unwrap_or(1);
+    (1..=coarsest.max(aspects)).flat_map(move |k| {
+        [(k.saturating_sub(1).clamp(1, coarsest), k.min(aspects)), (k.min(coarsest), k.min(aspects))]
+    })
 }
 
 /// For measuring so many variants of the target at one range: noises for each aspect, and of these such in which markers are

@@ -57,12 +57,13 @@ fn head(text: &mut String, target: &Target, camera: &Camera, pixel_sigma: f64, f
         text,
         "Aspect is the angle between the line of sight and the front, ({x:.2}, {y:.2}, {z:.2}) in the target frame."
     )?;
-    writeln!(
-        text,
-        "Errors are root mean square. In range and bearing they are the least that is possible (Cramer-Rao); attitude and\n\
+    let errors = format!(
+        "Errors are root mean square. In range and bearing they are the least that is possible (Cramer-Rao); attitude and \
          rates are of {} simulated noises, attitude of the right one of two poses.",
         found.draws
-    )
+    );
+    text.push_str(&wrapped("", &errors));
+    Ok(())
 }
 
 /// Blocks side by side as far as they fit, then below.
@@ -134,24 +135,47 @@ fn reach(text: &mut String, found: &Assessment) -> std::fmt::Result {
 }
 
 fn sentences(text: &mut String, found: &Assessment) -> std::fmt::Result {
+    let mut warnings: Vec<String> = found.warnings.iter().map(ToString::to_string).collect();
+    if found.identified_draws == 0 {
+        warnings.push("there are too many markers to simulate within a second how they are told apart".into());
+    }
     writeln!(text, "\nWarnings")?;
-    if found.warnings.is_empty() && found.identified_draws > 0 {
+    if warnings.is_empty() {
         writeln!(text, "    none")?;
     }
-    if found.identified_draws == 0 {
-        writeln!(text, "    - there are too many markers to simulate how they are told apart within a second")?;
-    }
-    for warning in &found.warnings {
-        writeln!(text, "    - {warning}")?;
+    for warning in &warnings {
+        text.push_str(&wrapped("    - ", warning));
     }
     writeln!(text, "\nAdvice (at {} m, mean of all aspects)", number(Some(found.advice_range_m)))?;
     if found.advice.is_empty() {
         writeln!(text, "    no move of a single marker that was tried betters it")?;
     }
     for (number, advice) in found.advice.iter().enumerate() {
-        writeln!(text, "    {}. {advice}", number + 1)?;
+        text.push_str(&wrapped(&format!("    {}. ", number + 1), &advice.to_string()));
     }
     Ok(())
+}
+
+/// Lines within the width; those after the first are set in below the text of the first.
+fn wrapped(head: &str, sentence: &str) -> String {
+    let indent = " ".repeat(head.len());
+    let mut text = String::new();
+    let mut line = head.to_owned();
+    let mut is_fresh = true;
+    for word in sentence.split(' ') {
+        if !is_fresh && line.chars().count() + 1 + word.chars().count() > WIDTH {
+            text.push_str(&line);
+            text.push('\n');
+            line.clone_from(&indent);
+            is_fresh = true;
+        }
+        if !is_fresh {
+            line.push(' ');
+        }
+        line.push_str(word);
+        is_fresh = false;
+    }
+    text + &line + "\n"
 }
 
 /// Three digits that count.
@@ -173,6 +197,15 @@ fn percent(share: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sentences_are_broken_between_words_and_nowhere_else() {
+        let long = "word ".repeat(60) + &"x".repeat(200);
+        let text = wrapped("  - ", &long);
+        assert!(text.lines().all(|line| line.chars().count() <= WIDTH || line.trim() == "x".repeat(200)), "{text}");
+        assert!(text.starts_with("  - word") && text.lines().skip(1).all(|line| line.starts_with("    ")), "{text}");
+        assert_eq!(text.replace("  - ", "").split_whitespace().collect::<Vec<_>>().join(" "), long);
+    }
 
     #[test]
     fn numbers_have_the_digits_that_count() {
