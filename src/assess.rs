@@ -254,7 +254,7 @@ pub(crate) mod tests {
     /// Over draws that no assessment uses.
     fn fresh(target: &Target, range_m: f64, aspects_rad: &[f64]) -> Figures {
         let camera = demo_camera();
-        let stage = Stage::of(&camera, target).from_front(-Vector3::z());
+        let stage = Stage::of(&camera, target).facing(-Vector3::z());
         let draws: Vec<Draw> = (1000..1064).map(|index| Draw::numbered(index, target.markers().len())).collect();
         let options = AssessOptions::default();
         let cells: Vec<Cell> = aspects_rad

@@ -151,7 +151,7 @@ pub(super) fn advice(
         .collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut measured: Vec<Advice> = Vec::new();
-    for (_, step, moved) in best_of_each_marker(scored) {
+    for (_, step, moved) in best_of_each_kind(scored, &stage.front) {
         let after = figures(&stage.with(&moved));
         let marker = &stage.target.markers()[step.marker];
         if before.loss() - after.loss() >= WORTHWHILE {
@@ -176,14 +176,23 @@ pub(super) fn stays_flat(target: &Target, options: &AssessOptions) -> bool {
     options.keep_flat && target.spread().is_coplanar()
 }
 
-/// The best move of each marker until there are enough, so that the advice leaves a choice.
-fn best_of_each_marker(scored: Vec<(f64, Move, Target)>) -> Vec<(f64, Move, Target)> {
+/// The best moves of different markers, half of them within the plane and half out of it as far as there are such: scores sort
+/// moves of one kind better than they compare the kinds, and the advice is to leave a choice.
+fn best_of_each_kind(scored: Vec<(f64, Move, Target)>, front: &Vector3<f64>) -> Vec<(f64, Move, Target)> {
+    const CHOSEN: usize = budget::MEASURED - 1;
+    let is_outward = |step: &Move| step.by.dot(front).abs() > 1e-9 * step.by.norm();
     let mut chosen: Vec<(f64, Move, Target)> = Vec::new();
+    let mut spare = Vec::new();
     for candidate in scored {
-        if chosen.len() < budget::MEASURED - 1 && chosen.iter().all(|(_, step, _)| step.marker != candidate.1.marker) {
-            chosen.push(candidate);
+        let step = candidate.1;
+        if chosen.iter().any(|(_, known, _)| known.marker == step.marker && is_outward(known) == is_outward(&step)) {
+            continue;
         }
+        let of_kind = chosen.iter().filter(|(_, known, _)| is_outward(known) == is_outward(&step)).count();
+        if of_kind < CHOSEN / 2 { chosen.push(candidate) } else { spare.push(candidate) }
     }
+    spare.truncate(CHOSEN - chosen.len());
+    chosen.extend(spare);
     chosen
 }
 

@@ -50,7 +50,7 @@ impl Budget {
     /// Whether markers are told apart in the cell at these indices.
     pub(super) const fn is_told_apart(&self, range_from_farthest: usize, aspect: usize) -> bool {
         // Of few aspects the middle ones: face on is a special case.
-        range_from_farthest % self.range_stride == 0 && aspect % self.aspect_stride == self.aspect_stride / 2
+        range_from_farthest.is_multiple_of(self.range_stride) && aspect % self.aspect_stride == self.aspect_stride / 2
     }
 }
 

@@ -47,7 +47,7 @@ impl<'a> Stage<'a> {
 
     /// Looked at from another front.
     #[cfg(test)]
-    pub(super) fn from_front(self, front: Vector3<f64>) -> Self {
+    pub(super) fn facing(self, front: Vector3<f64>) -> Self {
         Self { front, ..self }
     }
 

@@ -88,6 +88,9 @@ pub(super) struct Tick {
 /// Labels on an axis: fewer tell too little, more run into each other.
 const MOST_LABELS: usize = 7;
 
+/// Steps are chosen so that there are a dozen at most; a bound for the case of rounding.
+const MOST_TICKS: u32 = 30;
+
 /// Digits that have a line on a logarithmic axis.
 const DIGITS: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
 
@@ -101,7 +104,7 @@ impl Ruler {
         let step = round_step((high - low) / 5.0);
         let (low, high) = if exact { (low, high) } else { ((low / step).floor() * step, (high / step).ceil() * step) };
         let first = (low / step - 1e-9).ceil();
-        let ticks = (0..)
+        let ticks = (0..MOST_TICKS)
             .map(|i| (first + f64::from(i)) * step)
             .take_while(|value| *value <= high + 1e-9 * step)
             // A sum of steps may end in 1e-17 where zero is meant.

@@ -99,13 +99,13 @@ impl Canvas {
         let mut svg = String::new();
         {
             let area = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
-            draw(&area, Rectangle::new([(0, 0), scaled(self.size_px)], RGBColor(255, 255, 255).filled()));
+            draw(&area, &Rectangle::new([(0, 0), scaled(self.size_px)], RGBColor(255, 255, 255).filled()));
             for element in self.elements {
                 element.draw(&area);
             }
         }
         // Large inside, of the wanted size outside.
-        let [shown_width, shown_height] = self.size_px.map(|side| side.round());
+        let [shown_width, shown_height] = self.size_px.map(f64::round);
         let head = format!("<svg width=\"{width}\" height=\"{height}\"");
         svg.replacen(&head, &format!("<svg width=\"{shown_width}\" height=\"{shown_height}\""), 1)
     }
@@ -121,15 +121,17 @@ impl Element {
                 let style =
                     ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: whole(width_px).unsigned_abs() };
                 match dash {
-                    None => draw(area, PathElement::new(points, style)),
-                    Some([stroke, gap]) => draw(area, DashedPathElement::new(points, whole(stroke), whole(gap), style)),
+                    None => draw(area, &PathElement::new(points, style)),
+                    Some([stroke, gap]) => {
+                        draw(area, &DashedPathElement::new(points, whole(stroke), whole(gap), style));
+                    }
                 }
             }
             Self::Area(corners, colour) => {
-                draw(area, Polygon::new(corners.into_iter().map(scaled).collect::<Vec<_>>(), colour.filled()));
+                draw(area, &Polygon::new(corners.into_iter().map(scaled).collect::<Vec<_>>(), colour.filled()));
             }
             Self::Disc(centre, radius_px, colour) => {
-                draw(area, Circle::new(scaled(centre), whole(radius_px), colour.filled()))
+                draw(area, &Circle::new(scaled(centre), whole(radius_px), colour.filled()));
             }
             Self::Text { text, place, size_px, align, bold, upwards } => {
                 // XML has no control characters.
@@ -146,19 +148,19 @@ impl Element {
                 let font = if bold { font.style(FontStyle::Bold) } else { font };
                 let font = if upwards { font.transform(FontTransform::Rotate270) } else { font };
                 let style = TextStyle::from(font).color(&INK).pos(Pos::new(horizontal, VPos::Center));
-                draw(area, Text::new(text, scaled(place), style));
+                draw(area, &Text::new(text, scaled(place), style));
             }
         }
     }
 }
 
 /// Into a string nothing fails to be written.
-fn draw<'b, E>(area: &Area<'b>, element: E)
+fn draw<'b, E>(area: &Area<'b>, element: &E)
 where
     for<'a> &'a E: PointCollection<'a, (i32, i32)>,
     E: Drawable<SVGBackend<'b>>,
 {
-    let _ = area.draw(&element);
+    let _ = area.draw(element);
 }
 
 fn scaled([x, y]: [f64; 2]) -> (i32, i32) {

@@ -111,6 +111,9 @@ fn table(text: &mut String, found: &Assessment, blocks: &[Block], width: &dyn Fn
     Ok(())
 }
 
+/// The range to which a target serves for something.
+type RangeOf = fn(&Reach) -> Option<f64>;
+
 fn reach(text: &mut String, found: &Assessment) -> std::fmt::Result {
     writeln!(text, "\nIt serves up to a range of")?;
     write!(text, "{:>38}", "")?;
@@ -118,7 +121,7 @@ fn reach(text: &mut String, found: &Assessment) -> std::fmt::Result {
         write!(text, "{:>8}", format!("{:.0}°", aspect.to_degrees()))?;
     }
     writeln!(text, "{:>8}", "mean")?;
-    let lines: [(&str, fn(&Reach) -> Option<f64>); 4] = [
+    let lines: [(&str, RangeOf); 4] = [
         ("markers found by colour, m", |reach| reach.detected_m),
         ("markers told apart (9 of 10), m", |reach| reach.identified_m),
         ("not the wrong pose (19 of 20), m", |reach| reach.unambiguous_m),
