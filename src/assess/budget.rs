@@ -14,7 +14,7 @@ const QUICK_MARKERS: usize = 8;
 const DRAWS: [usize; 2] = [8, 64];
 
 /// Time for telling markers apart over the grid, when moves are sorted, and when the best are measured.
-const GRID_US: f64 = 350_000.0;
+const GRID_US: f64 = 450_000.0;
 const SORTING_US: f64 = 150_000.0;
 const MEASURING_US: f64 = 200_000.0;
 
