@@ -26,7 +26,8 @@
 //! | [`pipeline`] | a frame | all of it, on one screen |
 //!
 //! *Workshops*, which use the flow: [`scene`] makes synthetic truth, from the simulated cases of the 2012 study to rendered
-//! flights; [`annotate`] draws what was found.
+//! flights; [`annotate`] draws what was found; [`assess`] tells what a constellation is good for before anybody glues its markers;
+//! [`plot`] draws charts.
 //!
 //! *The wall*: [`shell`]. Only behind it are clocks, files, sockets, threads, logs and serialised shapes: settings,
 //! telemetry, the store, the service with its workers, HTTP, the command line.
@@ -73,12 +74,14 @@
 //! ```
 
 pub mod annotate;
+pub mod assess;
 pub mod camera;
 pub mod detect;
 pub mod frame;
 pub mod geometry;
 pub mod identify;
 pub mod pipeline;
+pub mod plot;
 pub mod pose;
 pub mod random;
 pub mod refine;

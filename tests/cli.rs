@@ -233,6 +233,9 @@ fn unknown_words_are_bad_input() {
         &["estimate", "x.png"],
         &["serve", "--listen", "nowhere"],
         &["demo", "--frames", "0"],
+        &["assess"],
+        &["assess", "target.json"],
+        &["assess", "target.json", "--camera", "camera.json", "--pixel-sigma", "much"],
     ] {
         let said = run(arguments);
         assert_eq!((said.code, said.out.as_str()), (Some(2), ""), "{arguments:?}: {said:?}");
@@ -243,7 +246,7 @@ fn unknown_words_are_bad_input() {
 #[test]
 fn help_and_version_are_no_errors() {
     let help = run(&["--help"]);
-    for command in ["serve", "detect", "estimate", "pose", "openapi", "demo"] {
+    for command in ["serve", "detect", "estimate", "pose", "assess", "openapi", "demo"] {
         assert!(help.out.contains(command), "{command}");
         assert_eq!(run(&[command, "--help"]).code, Some(0), "{command}");
     }
@@ -557,6 +560,52 @@ fn a_port_in_use_is_named() {
     let data = folder.path().join("data");
     // Not the caller's mistake, so not 2.
     run(&["serve", "--listen", &address, "--data", as_text(&data)]).assert_complains(1, &[&address, "in use"]);
+}
+
+// ---- assess ----
+
+#[test]
+fn an_assessment_is_read_by_people_and_by_programs_and_drawn() {
+    let desk = Desk::new();
+    let assess =
+        |arguments: &[&str]| desk.run(&[&["assess", "target.json", "--camera", "camera.json"], arguments].concat());
+    let said = assess(&["--json", "a.json", "--plot", "a.svg"]);
+    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+    for words in ["wing-six: 6 markers", "flips, %", "identified, %", "75°", "Warnings", "lie in a plane", "1. move "]
+    {
+        assert!(said.out.contains(words), "{words:?} is not in {}", said.out);
+    }
+    assert!(said.out.lines().all(|line| line.chars().count() <= 110), "{}", said.out);
+    let svg = fs::read_to_string(desk.path("a.svg")).expect("a plot");
+    assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    let written: Value = serde_json::from_slice(&fs::read(desk.path("a.json")).expect("is there")).expect("JSON");
+    assert_eq!(written["cells"].as_array().expect("cells").len(), 60);
+
+    let printed = assess(&["--json", "-", "--pixel-sigma", "1", "--flat", "--other", "target.json"]);
+    let [reply] = printed.lines().try_into().expect("one line");
+    let sigma = |reply: &Value| reply["cells"][5]["range_sigma_m"].as_f64().expect("a number");
+    assert!((sigma(&reply) / sigma(&written) - 1.0 / 0.3).abs() < 1e-6, "errors grow with the noise");
+    assert_eq!(reply["warnings"][0]["kind"], "same_as_other");
+    for advice in reply["advice"].as_array().expect("a list") {
+        assert!(advice["outward_m"].as_f64().expect("a number").abs() < 1e-9, "{advice}");
+    }
+}
+
+#[test]
+fn an_assessment_of_nonsense_is_refused_in_one_line() {
+    let desk = Desk::new();
+    let assess =
+        |target: &str, camera: &str, more: &[&str]| desk.run(&[&["assess", target, "--camera", camera], more].concat());
+    assess("none.json", "camera.json", &[]).assert_complains(2, &["none.json"]);
+    assess("target.json", "none.json", &[]).assert_complains(2, &["none.json"]);
+    assess("camera.json", "camera.json", &[]).assert_complains(2, &["camera.json", "markers"]);
+    for sigma in ["0", "-1", "NaN", "inf"] {
+        let option = format!("--pixel-sigma={sigma}");
+        assess("target.json", "camera.json", &[&option]).assert_complains(2, &["/pixel_sigma"]);
+    }
+    assess("target.json", "camera.json", &["--plot", "no/such/folder.svg"]).assert_complains(2, &["folder.svg"]);
+    desk.write("three.json", br#"{"markers": [{"id": "a", "position_m": [0, 0, 0]}]}"#);
+    assess("three.json", "camera.json", &[]).assert_complains(2, &["/target/markers", "1 markers"]);
 }
 
 // ---- demo ----

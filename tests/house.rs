@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// groups before.
 const WORDS: [&str; 6] = ["geometry", "camera", "target", "frame", "random", "statistics"];
 const FLOW: [&str; 7] = ["detect", "solve", "refine", "pose", "identify", "track", "pipeline"];
-const WORKSHOPS: [&str; 5] = ["scene", "annotate", "encounter", "calibrate", "evaluate"];
+const WORKSHOPS: [&str; 7] = ["scene", "annotate", "assess", "plot", "encounter", "calibrate", "evaluate"];
 const SHELL: [&str; 1] = ["shell"];
 
 /// What only the shell may name.

@@ -1,5 +1,6 @@
 //! The command line.
 
+mod assess;
 mod demo;
 mod frames;
 mod inputs;
@@ -43,6 +44,8 @@ enum Command {
     /// Compute poses from points: JSON requests on standard input, one JSON reply a line.
     #[command(after_help = POSE_EXAMPLE)]
     Pose(points::Pose),
+    /// Tell what a constellation of markers is good for before a camera, and which marker to move.
+    Assess(assess::Assess),
     /// Print the API document (OpenAPI, JSON).
     Openapi,
     /// Fly a target past a camera and watch it being measured, over real HTTP.
@@ -113,6 +116,7 @@ pub fn run() -> ExitCode {
         Command::Detect(command) => command.run(),
         Command::Estimate(command) => command.run(),
         Command::Pose(command) => command.run(),
+        Command::Assess(command) => command.run(),
         Command::Openapi => print_openapi(),
         Command::Demo(command) => command.run(),
     };

@@ -9,6 +9,7 @@ pub mod health;
 pub mod layers;
 pub mod server;
 
+mod assessments;
 mod detections;
 mod estimates;
 mod poses;
@@ -54,6 +55,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(estimates::post))
         .routes(routes!(things::list_cameras))
         .routes(routes!(things::get_camera, things::put_camera, things::delete_camera))
+        .routes(routes!(assessments::post))
         .routes(routes!(things::list_targets))
         .routes(routes!(things::get_target, things::put_target, things::delete_target))
 }

@@ -12,7 +12,10 @@ use bytes::Bytes;
 use super::config::Settings;
 use super::fault::Fault;
 use super::store::Store;
-use super::wire::{DetectionReply, EstimateReply, FrameRequest, PoseReplies, PoseReply, PoseRequest};
+use super::wire::{
+    AssessmentReply, AssessmentRequest, DetectionReply, EstimateReply, FrameRequest, PoseReplies, PoseReply,
+    PoseRequest,
+};
 use compute::Terms;
 use lookup::{Known, Lookup};
 use workers::Workers;
@@ -90,6 +93,15 @@ impl Service {
             tasks.push(compute::BatchItem::read(request, &lookup, &terms).await);
         }
         self.workers.run(deadline, move || compute::batch(tasks, &terms)).await
+    }
+
+    /// What a constellation is good for.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or that the service is full.
+    pub async fn assessment(&self, request: AssessmentRequest, deadline: Instant) -> Result<AssessmentReply, Fault> {
+        let task = compute::AssessmentTask::checked(request, &self.lookup(), &Terms::of(&self.settings)).await?;
+        self.workers.run(deadline, move || task.reply()).await
     }
 
     /// Frame to centroids.

@@ -1,5 +1,6 @@
 //! Every serialised shape, named as in the contract, and its way into and out of the core's types.
 
+pub mod assessment;
 pub mod camera;
 pub mod frame;
 pub mod pose;
@@ -12,6 +13,7 @@ use serde::de::DeserializeOwned;
 
 use super::fault::{Fault, FaultKind};
 
+pub use assessment::{AssessmentReply, AssessmentRequest};
 pub use camera::{CameraWire, DistortionWire};
 pub use frame::{DetectionReply, DetectorWire, EstimateReply, FrameRequest};
 pub use pose::{PoseBatch, PoseReplies, PoseReply, PoseRequest, PoseWire};

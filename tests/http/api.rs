@@ -8,9 +8,16 @@ use crate::station::Station;
 async fn the_document_and_its_page_are_served_without_the_internet() {
     let station = Station::start().await;
     let document = station.get("/openapi.json").await.json;
-    for path in
-        ["/v1/poses", "/v1/detections", "/v1/estimates", "/v1/cameras/{name}", "/v1/targets", "/healthz", "/metrics"]
-    {
+    for path in [
+        "/v1/poses",
+        "/v1/detections",
+        "/v1/estimates",
+        "/v1/cameras/{name}",
+        "/v1/targets",
+        "/v1/targets/assessment",
+        "/healthz",
+        "/metrics",
+    ] {
         assert!(document["paths"][path].is_object(), "{path} is missing");
     }
     let page = |path: &str| station.http.get(format!("{}{path}", station.base)).send();

@@ -8,6 +8,7 @@
 )]
 
 mod api;
+mod assessments;
 mod faults;
 mod frames;
 mod life;

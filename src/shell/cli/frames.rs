@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::inputs::{bytes_of, frames_of, json_of, unreadable_source};
+use super::inputs::{bytes_of, frames_of, given, unreadable_source};
 use super::pictures::Pictures;
 use super::requests::Requests;
 use super::{Failures, SettingsArgs, Stop, runtime};
@@ -18,7 +18,7 @@ use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
 use crate::shell::wire::frame::{DetectorWire, Method, OrientationHandling, Preset};
 use crate::shell::wire::pose::SolverName;
-use crate::shell::wire::{CameraWire, FrameRequest, Problem, Ref, TargetWire, from_value};
+use crate::shell::wire::{CameraWire, FrameRequest, Problem, TargetWire, from_value};
 
 /// What both commands take.
 #[derive(Args, Debug)]
@@ -113,14 +113,6 @@ fn region(text: &str) -> Result<[u32; 4], String> {
         .ok()
         .and_then(|numbers| numbers.try_into().ok())
         .ok_or_else(|| "four whole numbers are expected: x,y,width,height".into())
-}
-
-/// A file, or a name if there is a store and no such file.
-fn given<T: serde::de::DeserializeOwned>(path: &Path, stored: bool) -> Result<Ref<T>, Fault> {
-    if stored && !path.exists() {
-        return Ok(Ref::Name(path.display().to_string()));
-    }
-    json_of(path).map(Ref::Object)
 }
 
 impl Frames {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::shell::fault::{Fault, FaultKind};
-use crate::shell::wire::from_json;
+use crate::shell::wire::{Ref, from_json};
 
 /// Names that pictures end in.
 const PICTURES: [&str; 11] = ["jpg", "jpeg", "png", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "pbm", "pnm"];
@@ -35,6 +35,14 @@ pub(super) fn json_of<T: DeserializeOwned>(path: &Path) -> Result<T, Fault> {
         pointer: None,
         ..fault
     })
+}
+
+/// A file, or a name if there is a store and no such file.
+pub(super) fn given<T: DeserializeOwned>(path: &Path, stored: bool) -> Result<Ref<T>, Fault> {
+    if stored && !path.exists() {
+        return Ok(Ref::Name(path.display().to_string()));
+    }
+    json_of(path).map(Ref::Object)
 }
 
 /// The frames that paths name: a file is itself, a folder its pictures in the order of their names, numbers by value.

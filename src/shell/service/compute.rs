@@ -1,8 +1,10 @@
 //! Requests to replies: checked first, then computed on one thread.
 
+mod assessment;
 mod frame;
 mod points;
 
+pub use assessment::AssessmentTask;
 pub use frame::FrameTask;
 pub use points::{BatchItem, PoseTask, batch};
 
