@@ -371,7 +371,7 @@ fn noise_that_nobody_stated_is_read_from_the_residuals() {
     let (mut inside, mut reliable, mut ratio_squared, count) = (0, 0, 0.0, 1000);
     for index in 0..count {
         let rng = &mut random::case("noise unknown", index);
-        let noise_px = 0.1 * 30.0_f64.powf(rng.random_range(0.0..1.0));
+        let noise_px = 0.1 * 10.0_f64.powf(rng.random_range(0.0..1.0));
         let case = cases::visible_box(rng, 16, noise_px);
         let answer = estimate_pose(&case.camera, &correspondences(&case, 1.0), &options).expect("a pose");
         ratio_squared += (answer.noise_scale / noise_px).powi(2);

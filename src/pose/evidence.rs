@@ -154,7 +154,7 @@ pub(super) fn weigh(
         .filter(|(_, probability)| *probability >= NEGLIGIBLE)
         .map(|((minimum, valley), probability)| PoseEstimate {
             camera_from_target: minimum.camera_from_target,
-            covariance: with_camera(camera, correspondences, minimum, valley.covariance),
+            covariance: with_camera(camera, correspondences, minimum, &valley.covariance),
             covariance_reliable: valley.nonlinearity <= MAX_NONLINEARITY
                 && consistency.estimated_from.is_none_or(|freedom| freedom >= MIN_FREEDOM),
             reprojection_rms_px: minimum.rms_px,
@@ -171,9 +171,9 @@ fn with_camera(
     camera: &Camera,
     correspondences: &[Correspondence],
     minimum: &Refined,
-    covariance: PoseCovariance,
+    covariance: &PoseCovariance,
 ) -> PoseCovariance {
     from_camera(camera, correspondences, &minimum.camera_from_target, &minimum.covariance)
         .and_then(|added| PoseCovariance::checked(covariance.matrix() + (added + added.transpose()) * 0.5))
-        .unwrap_or(covariance)
+        .unwrap_or(*covariance)
 }

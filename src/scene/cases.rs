@@ -42,7 +42,7 @@ pub fn thesis_2012(rng: &mut impl Rng, noise_px: f64) -> Case {
         let mut metres = || rng.random_range(0.0..10.0);
         let translation = Vector3::new(metres(), metres(), metres());
         let camera_from_target = CameraFromTarget::new(euler.to_rotation(), translation);
-        if let Some(case) = observe(rng, camera, points, camera_from_target, noise_px) {
+        if let Some(case) = observe(rng, &camera, points, camera_from_target, noise_px) {
             return case;
         }
     }
@@ -57,7 +57,7 @@ pub fn visible_plane(rng: &mut impl Rng, count: usize, noise_px: f64) -> Case {
         let tilt = rotation::exp(&(direction_in_plane(rng) * rng.random_range(0.0..75.0_f64).to_radians()));
         let spin = rotation::exp(&(Vector3::z() * rng.random_range(0.0..std::f64::consts::TAU)));
         let pose = in_view(rng, &camera, tilt * spin);
-        if let Some(case) = observe_within(rng, camera, points, pose, noise_px) {
+        if let Some(case) = observe_within(rng, &camera, points, pose, noise_px) {
             return case;
         }
     }
@@ -74,7 +74,7 @@ pub fn visible_box(rng: &mut impl Rng, count: usize, noise_px: f64) -> Case {
             .collect();
         let turn = any_rotation(rng);
         let pose = in_view(rng, &camera, turn);
-        if let Some(case) = observe_within(rng, camera, points, pose, noise_px) {
+        if let Some(case) = observe_within(rng, &camera, points, pose, noise_px) {
             return case;
         }
     }
@@ -103,7 +103,7 @@ fn in_view(rng: &mut impl Rng, camera: &Camera, turn: Rotation3<f64>) -> CameraF
 
 fn observe_within(
     rng: &mut impl Rng,
-    camera: Camera,
+    camera: &Camera,
     points: Vec<Point<space::Target>>,
     pose: CameraFromTarget,
     noise_px: f64,
@@ -115,12 +115,12 @@ fn observe_within(
 /// The image of the points with noise; `None` if one has none.
 pub fn observe(
     rng: &mut impl Rng,
-    camera: Camera,
+    camera: &Camera,
     points: Vec<Point<space::Target>>,
     camera_from_target: CameraFromTarget,
     noise_px: f64,
 ) -> Option<Case> {
     let exact: Option<Vec<Pixel>> = points.iter().map(|p| camera.project(&(camera_from_target * *p))).collect();
     let pixels = exact?.into_iter().map(|pixel| pixel + normal2(rng) * noise_px).collect();
-    Some(Case { camera, points, pixels, camera_from_target })
+    Some(Case { camera: *camera, points, pixels, camera_from_target })
 }

@@ -19,6 +19,10 @@ pub const MAX_SHARP_ROTATION_DEG: f64 = 5.0;
 /// The bound is sharp up to this deviation of the range as a share of the range.
 pub const MAX_SHARP_RANGE_RATIO: f64 = 0.05;
 
+/// The bound is sharp only if every point stands this far before the camera's plane, as a share of the range: nearer, the image
+/// of a point runs off to infinity within its own error.
+pub const MIN_SHARP_DEPTH_RATIO: f64 = 0.05;
+
 /// One answer against its truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Verdict {
@@ -71,7 +75,10 @@ pub fn sharp_bound(trial: &Trial) -> Option<PoseCovariance> {
     let rotation_deg = covariance.fixed_view::<3, 3>(3, 3).trace().sqrt().to_degrees();
     let sight: Vector3<f64> = truth.translation.normalize();
     let range_m = (covariance.fixed_view::<3, 3>(0, 0) * sight).dot(&sight).sqrt();
-    let is_sharp = rotation_deg < MAX_SHARP_ROTATION_DEG && range_m < MAX_SHARP_RANGE_RATIO * truth.translation.norm();
+    let nearest_m = trial.case.points.iter().map(|point| (*truth * *point).coords.z).fold(f64::INFINITY, f64::min);
+    let is_sharp = nearest_m > MIN_SHARP_DEPTH_RATIO * truth.translation.norm()
+        && rotation_deg < MAX_SHARP_ROTATION_DEG
+        && range_m < MAX_SHARP_RANGE_RATIO * truth.translation.norm();
     is_sharp.then_some(bound)
 }
 
