@@ -114,9 +114,8 @@ impl Study {
         };
         let knowing = match self.protocol {
             Protocol::Outliers => plain(&trial.right_correspondences()),
-            _ if self.protocol.is_planar() => {
-                answer.clone().and_then(|answer| answer.given(&facing(), &middle(trial)).ok())
-            }
+            // The draw keeps within these limits.
+            Protocol::Thesis => answer.clone().and_then(|answer| answer.given(&facing(), &middle(trial)).ok()),
             Protocol::Nonplanar | Protocol::Visible => None,
         };
         self.knowing.push(knowing.map(|answer| judged(&answer.best)));
