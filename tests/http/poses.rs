@@ -182,3 +182,58 @@ async fn wrong_pairs_are_found_out() {
     let reply = station.post("/v1/poses", &request).await;
     assert_eq!(reply.json["inliers"], json!([true, true, false, true, true, true, true]), "{reply:?}");
 }
+
+#[tokio::test]
+async fn how_well_points_and_camera_are_known_decides_how_well_the_pose_is() {
+    let station = Station::start().await;
+    let variance_of_range = |reply: &Value| reply["pose"]["covariance"][2][2].as_f64().expect("a number");
+    let plain = station.post("/v1/poses", &square()).await.json;
+    assert!((plain["noise_scale"].as_f64().expect("a number") - 1.0).abs() < 1e-12);
+
+    let mut each = square();
+    each["pixel_sigmas"] = json!([2, 2, 2, 2]);
+    let reply = station.post("/v1/poses", &each).await.json;
+    assert!((variance_of_range(&reply) / variance_of_range(&plain) - 4.0).abs() < 0.2, "{reply}");
+
+    let mut uncertain = square();
+    uncertain["camera"]["parameter_covariance"] = json!([[36, 36, 0, 0], [36, 36, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]);
+    let reply = station.post("/v1/poses", &uncertain).await.json;
+    // A hundredth of the focal length is a hundredth of five metres.
+    let added = variance_of_range(&reply) - variance_of_range(&plain);
+    assert!((added.sqrt() - 0.05).abs() < 1e-3, "{}", added.sqrt());
+    uncertain["camera"]["parameter_covariance"] = json!([[1, 2], [2, 1]]);
+    let refused = station.post("/v1/poses", &uncertain).await;
+    assert_eq!(
+        (refused.status, &refused.json["pointer"]),
+        (422.try_into().expect("a status"), &json!("/camera/parameter_covariance"))
+    );
+
+    let mut short = square();
+    short["pixel_sigmas"] = json!([1, 1, 1]);
+    assert_eq!(station.post("/v1/poses", &short).await.json["pointer"], "/pixel_sigmas");
+    short["pixel_sigmas"] = json!([1, 1, 0, 1]);
+    assert_eq!(station.post("/v1/poses", &short).await.json["pointer"], "/pixel_sigmas/2");
+}
+
+#[tokio::test]
+async fn noise_may_be_read_from_the_residuals() {
+    let station = Station::start().await;
+    let mut request = square();
+    request["noise"] = json!("estimated");
+    let reply = station.post("/v1/poses", &request).await.json;
+    assert_eq!((&reply["pose"], &reply["reason"]), (&Value::Null, &json!("too_few_points")), "four leave nothing over");
+    request["object_points_m"].as_array_mut().expect("points").extend([
+        json!([0, 0.5, 0]),
+        json!([0, -0.5, 0]),
+        json!([0.5, 0, 0]),
+    ]);
+    request["image_points_px"].as_array_mut().expect("points").extend([
+        json!([322, 300]),
+        json!([318, 180]),
+        json!([381, 240]),
+    ]);
+    let reply = station.post("/v1/poses", &request).await.json;
+    let scale = reply["noise_scale"].as_f64().expect("a number");
+    assert!((0.4..1.5).contains(&scale), "{reply}");
+    assert_eq!(reply["pose"]["covariance_reliable"], false, "from eight degrees of freedom");
+}
