@@ -6,6 +6,7 @@
 pub mod epnp;
 pub mod homography;
 pub mod ippe;
+mod nearest;
 pub mod p3p;
 pub mod posit;
 pub mod sqpnp;
@@ -165,7 +166,7 @@ pub const NEARLY_COPLANAR_RATIO: f64 = 2e-2;
 /// The spread of the target's points.
 #[must_use]
 pub fn spread_of(pairs: &[Pair]) -> Spread {
-    Spread::of(&pairs.iter().map(|pair| pair.point).collect::<Vec<_>>())
+    Spread::of_all(pairs.iter().map(|pair| pair.point.coords))
 }
 
 /// Whether the pose is finite and puts every point in front of the camera.

@@ -5,10 +5,19 @@
 //! of the covariance as the contract has it. Marquardt's scaling makes metres and radians comparable; the damping follows
 //! Nielsen 1999, "Damping parameter in Marquardt's method". Nothing is allocated.
 
-use nalgebra::{Matrix2x6, Matrix6, Vector2, Vector6};
+mod lanes;
+mod normal;
+mod view;
+
+use multiversion::multiversion;
+use nalgebra::{Matrix2x6, Matrix6, Vector2};
 use thiserror::Error;
 
 use super::{Correspondence, Loss};
+use lanes::{LANES, Lanes};
+use normal::{Normal, Sums};
+use view::View;
+
 use crate::camera::Camera;
 use crate::geometry::{CameraFromTarget, PoseCovariance, rotation::cross_matrix};
 
@@ -88,13 +97,20 @@ pub enum RefineError {
     Singular,
 }
 
+/// Damping of the first step: a start by a solver is so near that the undamped step is nearly the best.
+const FIRST_DAMPING: f64 = 1e-6;
+
 /// The error and its derivatives at one pose.
 struct Linearized {
+    residuals: Residuals,
+    normal: Normal,
+}
+
+/// The error at one pose.
+#[derive(Clone, Copy)]
+struct Residuals {
     chi_square: f64,
     rms_px: f64,
-    information: Matrix6<f64>,
-    /// Half the downhill gradient.
-    descent: Vector6<f64>,
 }
 
 /// The minimum downhill of `start`.
@@ -110,7 +126,7 @@ pub fn refine(
     let mut pose = *start;
     let mut here =
         linearize(camera, correspondences, &pose, options.loss).map_err(|index| RefineError::NotVisible { index })?;
-    let mut damping = 1e-4;
+    let mut damping = FIRST_DAMPING;
     let mut growth = 2.0;
     let mut iterations = 0;
     let stop = loop {
@@ -118,33 +134,32 @@ pub fn refine(
             break Stop::MaxIterations { limit: options.max_iterations };
         }
         iterations += 1;
-        let mut damped = here.information;
-        for i in 0..6 {
-            damped[(i, i)] += damping * here.information[(i, i)].max(f64::MIN_POSITIVE);
-        }
-        let step = damped.cholesky().map(|c| c.solve(&here.descent));
-        let next = step.filter(|s| s.iter().all(|x| x.is_finite())).and_then(|step| {
+        if let Some(step) = here.normal.damped_step(damping) {
             let moved = pose.perturbed(&step);
-            let there = linearize(camera, correspondences, &moved, options.loss).ok()?;
-            Some((step, moved, there))
-        });
-        if let Some((step, moved, there)) = next {
             // Length of the step in standard deviations.
-            let norm = step.dot(&(here.information * step)).max(0.0).sqrt();
-            let gain = here.chi_square - there.chi_square;
-            let expected = step.dot(&(here.descent + step.component_mul(&here.information.diagonal()) * damping));
-            if gain >= 0.0 {
-                pose = moved;
-                here = there;
-                let surplus = 2.0 * gain / expected.max(f64::MIN_POSITIVE) - 1.0;
-                damping = (damping * (1.0 - surplus.powi(3)).max(1.0 / 3.0)).max(1e-12);
-                growth = 2.0;
-            }
+            let norm = step.dot(&(here.normal.information * step)).max(0.0).sqrt();
             if norm <= options.step_limit {
+                // So near, the derivatives are the same.
+                if let Ok(residuals) = residuals(camera, correspondences, &moved, options.loss)
+                    && residuals.chi_square <= here.residuals.chi_square
+                {
+                    pose = moved;
+                    here.residuals = residuals;
+                }
                 break Stop::SmallStep { norm, limit: options.step_limit };
             }
-            if gain >= 0.0 {
-                continue;
+            if let Ok(there) = linearize(camera, correspondences, &moved, options.loss) {
+                let gain = here.residuals.chi_square - there.residuals.chi_square;
+                if gain >= 0.0 {
+                    let raised = step.component_mul(&here.normal.information.diagonal()) * damping;
+                    let expected = step.dot(&(here.normal.descent + raised));
+                    pose = moved;
+                    here = there;
+                    let surplus = 2.0 * gain / expected.max(f64::MIN_POSITIVE) - 1.0;
+                    damping = (damping * (1.0 - surplus.powi(3)).max(1.0 / 3.0)).max(1e-12);
+                    growth = 2.0;
+                    continue;
+                }
             }
         }
         damping *= growth;
@@ -155,9 +170,9 @@ pub fn refine(
     };
     Ok(Refined {
         camera_from_target: pose,
-        covariance: PoseCovariance::from_information(&here.information).ok_or(RefineError::Singular)?,
-        chi_square: here.chi_square,
-        rms_px: here.rms_px,
+        covariance: PoseCovariance::from_information(&here.normal.information).ok_or(RefineError::Singular)?,
+        chi_square: here.residuals.chi_square,
+        rms_px: here.residuals.rms_px,
         stats: Stats { iterations, stop },
     })
 }
@@ -172,7 +187,7 @@ pub fn information(
     pose: &CameraFromTarget,
 ) -> Result<Matrix6<f64>, RefineError> {
     linearize(camera, correspondences, pose, Loss::Squares)
-        .map(|here| here.information)
+        .map(|here| here.normal.information)
         .map_err(|index| RefineError::NotVisible { index })
 }
 
@@ -189,43 +204,73 @@ pub fn chi_square(camera: &Camera, correspondences: &[Correspondence], pose: &Ca
 }
 
 /// The position of the first point without an image, if there is one.
+#[multiversion(targets("x86_64+avx2"))]
 fn linearize(
     camera: &Camera,
     correspondences: &[Correspondence],
     pose: &CameraFromTarget,
     loss: Loss,
 ) -> Result<Linearized, usize> {
-    let mut information = Matrix6::zeros();
-    let mut descent = Vector6::zeros();
-    let (mut chi_square, mut squares) = (0.0, 0.0);
-    for (index, seen) in correspondences.iter().enumerate() {
-        let Some((projected, jacobian)) = project_with_pose_jacobian(camera, pose, seen) else {
-            let (lost, _) = loss.of(f64::INFINITY);
-            if lost.is_finite() {
-                // One of those that may be wrong.
-                chi_square += lost;
-                continue;
+    let mut sums = Sums::ZERO;
+    let residuals = sum_losses(camera, correspondences, pose, loss, |view, weight| {
+        sums.add(&view.distance, &view.by_pose(), weight);
+    })?;
+    Ok(Linearized { residuals, normal: sums.total() })
+}
+
+/// The same without the derivatives.
+#[multiversion(targets("x86_64+avx2"))]
+fn residuals(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    pose: &CameraFromTarget,
+    loss: Loss,
+) -> Result<Residuals, usize> {
+    sum_losses(camera, correspondences, pose, loss, |_, _| ())
+}
+
+/// Sums the losses, and shows each four points with their weights.
+#[expect(clippy::inline_always, reason = "to be compiled for the instructions of the function that calls it")]
+#[inline(always)]
+fn sum_losses(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    pose: &CameraFromTarget,
+    loss: Loss,
+    mut each: impl FnMut(&View, Lanes),
+) -> Result<Residuals, usize> {
+    let (mut chi_square, mut squares) = (Lanes::ZERO, Lanes::ZERO);
+    let mut of_lost = 0.0;
+    for (index, four) in correspondences.chunks(LANES).enumerate() {
+        let mut view = View::of(camera, pose, four);
+        if view.lost != [false; LANES] {
+            let (most, _) = loss.of(f64::INFINITY);
+            if let (Some(lane), false) = (view.lost.iter().position(|lost| *lost), most.is_finite()) {
+                return Err(LANES * index + lane);
             }
-            return Err(index);
-        };
-        let distance: Vector2<f64> = seen.pixel - projected;
-        let stated = 1.0 / (seen.sigma_px * seen.sigma_px);
-        squares += distance.norm_squared();
-        let (lost, slope) = loss.of(stated * distance.norm_squared());
-        chi_square += lost;
-        let weight = stated * slope;
-        // The upper triangle only.
-        for row in 0..6 {
-            let (a, b) = (weight * jacobian[(0, row)], weight * jacobian[(1, row)]);
-            descent[row] += a * distance.x + b * distance.y;
-            for column in row..6 {
-                information[(row, column)] += a * jacobian[(0, column)] + b * jacobian[(1, column)];
+            // Those may be wrong, and count as such.
+            of_lost += view.lost[..four.len()].iter().filter(|lost| **lost).count() as f64 * most;
+            view = view.without_lost();
+        }
+        let squared = view.squared_distance();
+        let stated = squared * view.stated;
+        let mut weight = view.stated;
+        if matches!(loss, Loss::Squares) {
+            chi_square += stated;
+        } else {
+            for lane in 0..LANES {
+                let (lost, slope) = loss.of(stated.0[lane]);
+                chi_square.0[lane] += lost;
+                weight.0[lane] *= slope;
             }
         }
+        for lane in 0..four.len() {
+            squares.0[lane] += squared.0[lane];
+        }
+        each(&view, weight);
     }
-    information.fill_lower_triangle_with_upper_triangle();
     let count = correspondences.len().max(1) as f64;
-    Ok(Linearized { chi_square, rms_px: (squares / count).sqrt(), information, descent })
+    Ok(Residuals { chi_square: chi_square.sum() + of_lost, rms_px: (squares.sum() / count).sqrt() })
 }
 
 /// Where the point appears at this pose, and how that moves with the pose's six coordinates.
@@ -245,7 +290,7 @@ pub(crate) fn project_with_pose_jacobian(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
+    use nalgebra::{Vector3, Vector6};
     use proptest::prelude::*;
 
     use super::*;

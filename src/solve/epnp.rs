@@ -7,14 +7,13 @@
 
 mod weights;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
+use super::nearest::nearest;
 use super::{Pair, Solutions, SolveError, is_in_front, squared_ray_error};
-use crate::geometry::{CameraFromTarget, rotation};
+use crate::geometry::CameraFromTarget;
 use crate::target::Spread;
-
-/// Up to this many points the linear system is factored itself, beyond it its normal matrix.
-const EXACT_POINTS: usize = 32;
+use crate::target::spread::jacobi;
 
 /// Control points in camera space.
 type ControlPoints = arrayvec::ArrayVec<Vector3<f64>, 4>;
@@ -85,73 +84,71 @@ impl ControlModel {
     /// One pose for each number of singular vectors assumed.
     fn poses(&self, pairs: &[Pair]) -> Vec<CameraFromTarget> {
         let vectors = self.null_vectors(pairs);
+        if vectors.is_empty() {
+            return Vec::new();
+        }
         weights::candidates(&vectors, &self.control_points)
             .into_iter()
-            .filter_map(|weights| self.pose(pairs, &mix(&vectors, &weights)))
+            .filter_map(|weights| self.pose(pairs, &mix(&vectors, weights.as_slice())))
             .collect()
     }
 
-    /// The singular vectors of the four smallest singular values (two for coplanar points), smallest first, of the linear
-    /// system `sum_j share_j (x_j - u z_j) = 0`, `sum_j share_j (y_j - v z_j) = 0`.
+    /// Four mixes of control points in camera space (two for coplanar points) that explain the rays best, the best first.
     fn null_vectors(&self, pairs: &[Pair]) -> Vec<ControlPoints> {
-        let m = self.control_points.len();
-        let (values, vectors) =
-            if pairs.len() <= EXACT_POINTS { self.singular_vectors(pairs) } else { self.eigenvectors(pairs) };
-        let mut order: Vec<usize> = (0..3 * m).collect();
-        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-        let kept = if m == 4 { 4 } else { 2 };
-        order[..kept]
-            .iter()
-            .map(|&k| (0..m).map(|j| Vector3::from_fn(|axis, _| vectors[(3 * j + axis, k)])).collect())
-            .collect()
+        if self.control_points.len() == 4 { self.best_mixes::<4>(pairs, 4) } else { self.best_mixes::<3>(pairs, 2) }
     }
 
-    /// By the system's triangular factor: exact to rounding also where few points leave it ill-conditioned.
-    fn singular_vectors(&self, pairs: &[Pair]) -> (DVector<f64>, DMatrix<f64>) {
-        let m = self.control_points.len();
-        let mut rows = DMatrix::zeros((2 * pairs.len()).max(3 * m), 3 * m);
-        for (i, (pair, shares)) in pairs.iter().zip(&self.shares).enumerate() {
-            for (j, share) in shares[..m].iter().enumerate() {
-                rows[(2 * i, 3 * j)] = *share;
-                rows[(2 * i, 3 * j + 2)] = -pair.ray.x * share;
-                rows[(2 * i + 1, 3 * j + 1)] = *share;
-                rows[(2 * i + 1, 3 * j + 2)] = -pair.ray.y * share;
-            }
-        }
-        let svd = rows.qr().r().svd(false, true);
-        let vectors = svd.v_t.map_or_else(|| DMatrix::identity(3 * m, 3 * m), |v_t| v_t.transpose());
-        (svd.singular_values, vectors)
-    }
-
-    /// By the normal matrix: half the digits, but each of many points costs only ten times four sums.
-    fn eigenvectors(&self, pairs: &[Pair]) -> (DVector<f64>, DMatrix<f64>) {
-        let m = self.control_points.len();
-        // Every 3 x 3 block of the normal matrix needs four sums only.
-        let mut sums = [[[0.0_f64; 4]; 4]; 4];
+    /// The linear system is `sum_j share_j x_j = u sum_j share_j z_j`, and the same with `y` and `v`. In terms of the first
+    /// control point and the sides `x_j - x_0` the coefficients are the columns of `p = (1, share_1, ...)`, which are
+    /// orthogonal and of one length, since the control points stand on the principal axes. So the rows of `x` and `y` follow
+    /// from that of `z` as `M_u z` with `M_u` the mean of `u p p'`, and what is left for `z` are the rows `u p' - p' M_u`.
+    fn best_mixes<const N: usize>(&self, pairs: &[Pair], kept: usize) -> Vec<ControlPoints> {
+        let of_point = |shares: &[f64; 4]| SVector::<f64, N>::from_fn(|j, _| if j == 0 { 1.0 } else { shares[j] });
+        let (mut by_u, mut by_v) = (SMatrix::<f64, N, N>::zeros(), SMatrix::<f64, N, N>::zeros());
         for (pair, shares) in pairs.iter().zip(&self.shares) {
-            let (u, v) = (pair.ray.x, pair.ray.y);
-            for j in 0..m {
-                for k in j..m {
-                    let weight = shares[j] * shares[k];
-                    for (sum, value) in sums[j][k].iter_mut().zip([1.0, u, v, u * u + v * v]) {
-                        *sum += weight * value;
-                    }
+            let p = of_point(shares);
+            let outer = p * p.transpose();
+            by_u += outer * pair.ray.x;
+            by_v += outer * pair.ray.y;
+        }
+        let count = pairs.len() as f64;
+        (by_u, by_v) = (by_u / count, by_v / count);
+        let gram = |axes: &SMatrix<f64, N, N>| {
+            let mut gram = SMatrix::<f64, N, N>::zeros();
+            for (pair, shares) in pairs.iter().zip(&self.shares) {
+                let p = of_point(shares);
+                for row in [p * pair.ray.x - by_u * p, p * pair.ray.y - by_v * p] {
+                    let row = axes.tr_mul(&row);
+                    gram += row * row.transpose();
                 }
             }
-        }
-        let normal = DMatrix::from_fn(3 * m, 3 * m, |row, column| {
-            let (j, k) = (row / 3, column / 3);
-            let [one, u, v, square] = if j <= k { sums[j][k] } else { sums[k][j] };
-            match (row % 3, column % 3) {
-                (0, 0) | (1, 1) => one,
-                (0, 2) | (2, 0) => -u,
-                (1, 2) | (2, 1) => -v,
-                (2, 2) => square,
-                _ => 0.0,
-            }
+            gram
+        };
+        // In the paper all control points together have the length one, not the rows `z` alone.
+        let of_ends = SMatrix::<f64, N, N>::from_fn(|j, k| match (j, k) {
+            (0, 0) => N as f64,
+            _ if j == k || j == 0 || k == 0 => 1.0,
+            _ => 0.0,
         });
-        let eigen = normal.symmetric_eigen();
-        (eigen.eigenvalues, eigen.eigenvectors)
+        let length = of_ends + by_u.tr_mul(&(of_ends * by_u)) + by_v.tr_mul(&(of_ends * by_v));
+        let Some(unit) = length.cholesky().and_then(|c| c.l().tr_solve_lower_triangular(&SMatrix::identity())) else {
+            return Vec::new();
+        };
+        // Taken again along its own axes the matrix keeps the digits that squaring would lose.
+        let first = unit * jacobi::eigenvectors(&gram(&unit)).0;
+        let (turn, values) = jacobi::eigenvectors(&gram(&first));
+        let vectors = first * turn;
+        let mut order: [usize; N] = std::array::from_fn(|k| k);
+        order.sort_by(|&a, &b| values[(a, a)].total_cmp(&values[(b, b)]));
+        order[..kept]
+            .iter()
+            .map(|&k| {
+                let z = vectors.column(k);
+                let (x, y) = (by_u * z, by_v * z);
+                let at = |j: usize| Vector3::new(x[j], y[j], z[j]);
+                (0..N).map(|j| if j == 0 { at(0) } else { at(0) + at(j) }).collect()
+            })
+            .collect()
     }
 
     /// The rigid motion onto the points that these control points in camera space stand for (Horn 1987).
@@ -172,7 +169,7 @@ impl ControlModel {
                 (in_camera(shares) * sign - camera_centre) * (pair.point.coords - target_centre).transpose()
             })
             .sum();
-        let rotation = rotation::nearest(&correlation)?;
+        let rotation = nearest(&correlation)?;
         let pose = CameraFromTarget::new(rotation, camera_centre - rotation * target_centre);
         pose.is_finite().then_some(pose)
     }

@@ -7,6 +7,7 @@
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 use super::homography::direct_linear_transform;
+use super::nearest::nearest;
 use super::{Pair, Solutions, SolveError, squared_ray_error};
 use crate::geometry::{CameraFromTarget, rotation};
 use crate::target::Spread;
@@ -16,9 +17,7 @@ use crate::target::Spread;
 /// # Errors
 /// [`SolveError::Degenerate`] if the points do not fix a homography.
 pub fn ippe(pairs: &[Pair], spread: &Spread) -> Result<Solutions, SolveError> {
-    let plane: Vec<Vector2<f64>> = pairs.iter().map(|pair| spread.local(&pair.point).xy()).collect();
-    let image: Vec<Vector2<f64>> = pairs.iter().map(|pair| pair.ray).collect();
-    direct_linear_transform(&plane, &image)
+    direct_linear_transform(pairs, spread)
         .and_then(|h| poses_of(&h, pairs, spread))
         .map(|mut poses| {
             poses.sort_by(|a, b| squared_ray_error(pairs, a).total_cmp(&squared_ray_error(pairs, b)));
@@ -66,7 +65,7 @@ fn poses_of(image_from_plane: &Matrix3<f64>, pairs: &[Pair], spread: &Spread) ->
         let x = Vector3::new(corner[(0, 0)], corner[(1, 0)], sign * below_x);
         let y = Vector3::new(corner[(0, 1)], corner[(1, 1)], sign * below_y);
         let axis_from_plane = Matrix3::from_columns(&[x, y, x.cross(&y)]);
-        let rotation = rotation::nearest(&(r * axis_from_plane * spread.axes.transpose()))?;
+        let rotation = nearest(&(r * axis_from_plane * spread.axes.transpose()))?;
         Some(CameraFromTarget::new(rotation, best_translation(pairs, &rotation)?))
     });
     let mut found: Solutions = solutions.collect();

@@ -9,8 +9,9 @@
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
+use super::nearest::nearest;
 use super::{Pair, Solutions, SolveError, is_in_front, squared_ray_error};
-use crate::geometry::{CameraFromTarget, rotation};
+use crate::geometry::CameraFromTarget;
 use crate::target::Spread;
 
 const MAX_ITERATIONS: usize = 1000;
@@ -92,7 +93,7 @@ impl<'a> Model<'a> {
         let inverse_depth = (i.norm() * j.norm()).sqrt();
         let (i, j) = (i.try_normalize(0.0)?, j.try_normalize(0.0)?);
         let rows = Matrix3::from_rows(&[i.transpose(), j.transpose(), i.cross(&j).transpose()]);
-        let camera_from_axes: Rotation3<f64> = rotation::nearest(&rows)?;
+        let camera_from_axes: Rotation3<f64> = nearest(&rows)?;
         let turn = camera_from_axes * Rotation3::from_matrix_unchecked(self.axes.transpose());
         let first = self.pairs[0];
         let first_in_camera = Vector3::new(first.ray.x, first.ray.y, 1.0) / inverse_depth;

@@ -8,6 +8,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, SymmetricEigen, Vector3};
 
+use super::nearest::nearest;
 use super::{Pair, Solutions, SolveError, is_in_front};
 use crate::geometry::{CameraFromTarget, rotation};
 use crate::target::Spread;
@@ -23,6 +24,12 @@ const MAX_STEPS: usize = 30;
 
 /// A step smaller than this ends the search.
 const STEP_LIMIT: f64 = 1e-11;
+
+/// Turns below this are followed by Newton's steps, rad.
+const NEAR_RAD: f64 = 0.1;
+
+/// A Newton step smaller than this is the last: the next would be its square.
+const NEWTON_LIMIT: f64 = 1e-7;
 
 /// Minima closer than this are one, rad.
 const SAME_WITHIN_RAD: f64 = 1e-5;
@@ -56,6 +63,14 @@ struct Minimum {
     is_settled: bool,
 }
 
+/// Sign and place among 1, x, y, x^2 + y^2 of the entries of `q`, with which `p' q p` is the squared distance of a point from
+/// the ray `(x, y, 1)` across the axis, weighed by the square of its depth.
+const ENTRIES: [[Option<(f64, usize)>; 3]; 3] = [
+    [Some((1.0, 0)), None, Some((-1.0, 1))],
+    [None, Some((1.0, 0)), Some((-1.0, 2))],
+    [Some((-1.0, 1)), Some((-1.0, 2)), Some((1.0, 3))],
+];
+
 /// The quadratic form, and the translation that goes with a rotation.
 struct Form {
     omega: Matrix9,
@@ -65,24 +80,34 @@ struct Form {
 
 impl Form {
     fn of(pairs: &[Pair], spread: &Spread) -> Option<Self> {
-        // Points about their centre, in units of their extent, keep the form well scaled.
+        // Points about their centre keep the form well scaled. Every sum is of a product of the point's coordinates times one of
+        // 1, x, y, x^2 + y^2, the entries of what takes a point's square distance from its ray.
         let centre = spread.centre;
-        let mut sum_q = Matrix3::zeros();
-        let mut q_a = SMatrix::<f64, 3, 9>::zeros();
-        let mut omega = Matrix9::zeros();
+        let mut squares = [[0.0; 6]; 4];
+        let mut firsts = [Vector3::zeros(); 4];
+        let mut sums = [0.0; 4];
         for pair in pairs {
             let p = pair.point.coords - centre;
             let (x, y) = (pair.ray.x, pair.ray.y);
-            let q = Matrix3::new(1.0, 0.0, -x, 0.0, 1.0, -y, -x, -y, x * x + y * y);
-            let outer = p * p.transpose();
-            sum_q += q;
-            for row in 0..3 {
-                for column in 0..3 {
-                    let mut block = q_a.fixed_view_mut::<1, 3>(row, 3 * column);
-                    block += q[(row, column)] * p.transpose();
-                    let mut block = omega.fixed_view_mut::<3, 3>(3 * row, 3 * column);
-                    block += q[(row, column)] * outer;
+            let products = [p.x * p.x, p.x * p.y, p.x * p.z, p.y * p.y, p.y * p.z, p.z * p.z];
+            for (k, weight) in [1.0, x, y, x * x + y * y].into_iter().enumerate() {
+                for (sum, product) in squares[k].iter_mut().zip(products) {
+                    *sum += weight * product;
                 }
+                firsts[k] += p * weight;
+                sums[k] += weight;
+            }
+        }
+        let squares = squares.map(|[xx, xy, xz, yy, yz, zz]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz));
+        let mut omega = Matrix9::zeros();
+        let mut q_a = SMatrix::<f64, 3, 9>::zeros();
+        let mut sum_q = Matrix3::zeros();
+        for row in 0..3 {
+            for column in 0..3 {
+                let Some((sign, k)) = ENTRIES[row][column] else { continue };
+                omega.fixed_view_mut::<3, 3>(3 * row, 3 * column).copy_from(&(squares[k] * sign));
+                q_a.fixed_view_mut::<1, 3>(row, 3 * column).copy_from(&(firsts[k] * sign).transpose());
+                sum_q[(row, column)] = sums[k] * sign;
             }
         }
         let translation_from_rotation = -(sum_q.cholesky()?.solve(&q_a));
@@ -128,32 +153,48 @@ impl Form {
         found
     }
 
-    /// Sequential quadratic programming from the rotation nearest to `start`.
+    /// The minimum downhill of the rotation nearest to `start`: Gauss-Newton steps on the rotations until they are small, then
+    /// Newton's where the curvature is that of a minimum.
     ///
-    /// A step D keeps the rows orthonormal to first order where `R D^T + D R^T = I - R R^T`: all solutions are
-    /// `D = ((I - R R^T) / 2 + S) R^-T` with S skew, so three unknowns are left.
+    /// With `G` the gradient by the entries of `R` and `M = G R'`, the form rises along the turn `w` as
+    /// `2 (m . w) + w' (F + (M + M') / 2 - tr(M)) w`, where `m` is the axial vector of `M` and `F` the form's own curvature.
     fn descend(&self, start: &Matrix3<f64>) -> Option<Minimum> {
-        let mut r: Matrix3<f64> = *rotation::nearest(start)?.matrix();
+        let mut rotation = nearest(start)?;
         let mut is_settled = false;
+        let mut is_near = false;
         for _ in 0..MAX_STEPS {
-            let inverse_transposed = r.transpose().try_inverse()?;
-            let towards = (Matrix3::identity() - r * r.transpose()) * 0.5 * inverse_transposed;
-            let free: [Vector9; 3] = [Vector3::<f64>::x(), Vector3::y(), Vector3::z()]
-                .map(|axis| flat(&(axis.cross_matrix() * inverse_transposed)));
-            let free = SMatrix::<f64, 9, 3>::from_columns(&free);
-            let curvature = free.tr_mul(&(self.omega * free));
-            let slope = free.tr_mul(&(self.omega * flat(&(r + towards))));
-            let turn = curvature.lu().solve(&-slope)?;
-            let step = towards + unflat(&(free * turn));
-            r += step;
-            is_settled = step.norm_squared() < STEP_LIMIT * STEP_LIMIT;
+            let r = rotation.matrix();
+            let rows = [0, 1, 2].map(|row| Vector3::new(r[(row, 0)], r[(row, 1)], r[(row, 2)]));
+            let [x, y, z] = rows;
+            let none = Vector3::zeros();
+            let free = SMatrix::<f64, 9, 3>::from_columns(&[
+                stacked(&none, &-z, &y),
+                stacked(&z, &none, &-x),
+                stacked(&-y, &x, &none),
+            ]);
+            let gradient = unflat(&(self.omega * flat(r)));
+            let m = gradient * r.transpose();
+            let slope = Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]);
+            let form = free.tr_mul(&(self.omega * free));
+            let bent = form + (m + m.transpose()) * 0.5 - Matrix3::identity() * m.trace();
+            let newton = if is_near { bent.cholesky() } else { None };
+            let is_newton = newton.is_some();
+            let turn = newton.or_else(|| form.cholesky())?.solve(&-slope);
+            rotation = rotation::exp(&turn) * rotation;
+            let length = turn.norm();
+            is_near = length < NEAR_RAD;
+            is_settled = length < if is_newton { NEWTON_LIMIT } else { STEP_LIMIT };
             if is_settled {
                 break;
             }
         }
-        let rotation = rotation::nearest(&r)?;
-        Some(Minimum { cost: self.cost(&flat(rotation.matrix())), pose: self.pose(rotation), is_settled })
+        let pose = self.pose(rotation);
+        pose.is_finite().then(|| Minimum { cost: self.cost(&flat(rotation.matrix())), pose, is_settled })
     }
+}
+
+fn stacked(a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>) -> Vector9 {
+    Vector9::from_column_slice(&[a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z])
 }
 
 /// The entries row by row.

@@ -1,5 +1,7 @@
 //! How a set of points is spread: on a line, on a plane, or through space.
 
+pub(crate) mod jacobi;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::{Point, space::Space};
@@ -23,22 +25,33 @@ impl Spread {
     /// The spread of `points`. All zero for none.
     #[must_use]
     pub fn of<S: Space>(points: &[Point<S>]) -> Self {
-        let count = points.len().max(1) as f64;
-        let centre = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / count;
-        // One-sided Jacobi on the scatter's factor keeps small extents exact, where the scatter's eigenvalues would lose
-        // half the digits: rotate pairs of columns of the (implicit) n x 3 matrix until they are orthogonal.
+        Self::of_all(points.iter().map(|p| p.coords))
+    }
+
+    /// The spread of the positions `all`, which are gone through several times.
+    #[must_use]
+    #[expect(clippy::needless_pass_by_value, reason = "an iterator is what is passed")]
+    pub fn of_all<I: Iterator<Item = Vector3<f64>> + Clone>(all: I) -> Self {
+        let mut count = 0.0_f64;
+        let mut sum = Vector3::zeros();
+        for position in all.clone() {
+            sum += position;
+            count += 1.0;
+        }
+        let count = count.max(1.0);
+        let centre = sum / count;
+        // The scatter's eigenvalues alone would lose half the digits of small extents. So the scatter is taken again along the
+        // axes that it gave, where what is small is summed from small numbers, until the axes stay as they are.
         let mut axes = Matrix3::identity();
-        let mut columns: Vec<Vector3<f64>> = points.iter().map(|p| p.coords - centre).collect();
+        let mut scatter = scatter_along(&axes, &centre, all.clone());
         for _ in 0..30 {
-            let mut turned = false;
-            for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-                turned |= orthogonalize(&mut columns, &mut axes, a, b);
-            }
-            if !turned {
+            if is_diagonal(&scatter) {
                 break;
             }
+            axes *= jacobi::eigenvectors(&scatter).0;
+            scatter = scatter_along(&axes, &centre, all.clone());
         }
-        let mut rms = Vector3::from_fn(|i, _| (columns.iter().map(|r| r[i] * r[i]).sum::<f64>() / count).sqrt());
+        let mut rms = scatter.diagonal().map(|square| (square / count).sqrt());
         for (a, b) in [(0, 1), (0, 2), (1, 2)] {
             if rms[b] > rms[a] {
                 rms.swap_rows(a, b);
@@ -77,28 +90,28 @@ impl Spread {
     }
 }
 
-/// One Jacobi rotation that makes columns `a` and `b` orthogonal; false if they were.
-fn orthogonalize(rows: &mut [Vector3<f64>], axes: &mut Matrix3<f64>, a: usize, b: usize) -> bool {
-    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
-    for row in rows.iter() {
-        aa += row[a] * row[a];
-        bb += row[b] * row[b];
-        ab += row[a] * row[b];
+/// Sums of products of the coordinates along `axes` about `centre`.
+fn scatter_along(axes: &Matrix3<f64>, centre: &Vector3<f64>, all: impl Iterator<Item = Vector3<f64>>) -> Matrix3<f64> {
+    let (mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for position in all {
+        let p = axes.tr_mul(&(position - centre));
+        xx += p.x * p.x;
+        xy += p.x * p.y;
+        xz += p.x * p.z;
+        yy += p.y * p.y;
+        yz += p.y * p.z;
+        zz += p.z * p.z;
     }
-    if ab.abs() <= 1e-15 * (aa * bb).sqrt() || ab == 0.0 {
-        return false;
-    }
-    let zeta = (bb - aa) / (2.0 * ab);
-    let t = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
-    let c = 1.0 / (1.0 + t * t).sqrt();
-    let s = c * t;
-    for row in rows.iter_mut() {
-        (row[a], row[b]) = (c * row[a] - s * row[b], s * row[a] + c * row[b]);
-    }
-    for i in 0..3 {
-        (axes[(i, a)], axes[(i, b)]) = (c * axes[(i, a)] - s * axes[(i, b)], s * axes[(i, a)] + c * axes[(i, b)]);
-    }
-    true
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+/// Off-diagonal entries that change no extent by more than 1e-13 of it, or turn no axis by more than rounding.
+fn is_diagonal(scatter: &Matrix3<f64>) -> bool {
+    [(0, 1), (0, 2), (1, 2)].into_iter().all(|(a, b)| {
+        let (aa, bb, ab) = (scatter[(a, a)], scatter[(b, b)], scatter[(a, b)].abs());
+        // Also for NaN, which no turn would better.
+        !(ab > 1e-13 * (aa * bb).sqrt() && ab > 1e-15 * aa.max(bb))
+    })
 }
 
 #[cfg(test)]
