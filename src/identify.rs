@@ -181,6 +181,7 @@ pub fn identify(
     let mut weighed = weigh::Scale::new(camera, target, blobs, options);
     let enough = need.max(ENOUGH_MARKERS).max(target.markers().len() * 6 / 10);
     let everything = |_: usize| true;
+    let everyone = 0..=usize::MAX;
     let mut gave_up = false;
     for (markers, bases) in bases::of(target, need) {
         let mut look = |weighed: &mut weigh::Scale<'_>, scope: &Scope<'_>| {
@@ -191,17 +192,25 @@ pub fn identify(
             weighed.add_exchanges(&mut stats);
             most.unwrap_or(0)
         };
-        let most = look(&mut weighed, &Scope { takes: &everything, enough });
+        // A match that takes more markers than this to be more than chance was found before, if it is there. It is looked
+        // for again only to see whether what was found has rivals.
+        let was_likely = weighed.is_likely();
+        let needs = if was_likely { everyone.clone() } else { 0..=markers };
+        let most = look(&mut weighed, &Scope { takes: &everything, enough, needs: needs.clone() });
         if let Some(best) = weighed.beyond_doubt(enough) {
             // What resembles it, and another target like it.
             let taken: Vec<usize> = best.blob_of_marker.iter().copied().flatten().collect();
             for its_own in [true, false] {
-                look(&mut weighed, &Scope { takes: &|blob| taken.contains(&blob) == its_own, enough: usize::MAX });
+                let takes = |blob| taken.contains(&blob) == its_own;
+                look(&mut weighed, &Scope { takes: &takes, enough: usize::MAX, needs: everyone.clone() });
             }
             break;
         }
         if most >= enough {
-            look(&mut weighed, &Scope { takes: &everything, enough: usize::MAX });
+            look(&mut weighed, &Scope { takes: &everything, enough: usize::MAX, needs });
+        }
+        if weighed.is_likely() && !was_likely && markers < target.markers().len() {
+            look(&mut weighed, &Scope { takes: &everything, enough: usize::MAX, needs: markers + 1..=usize::MAX });
         }
         // What other bases could still find has fewer markers, and no weight beside this.
         if weighed.is_decided(markers - 1) {

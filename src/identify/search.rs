@@ -1,6 +1,7 @@
 //! Three markers on three blobs: where are the others?
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2, Vector3};
@@ -65,6 +66,8 @@ pub(super) struct Scope<'a> {
     pub takes: &'a dyn Fn(usize) -> bool,
     /// Stop at an assignment of so many markers.
     pub enough: usize,
+    /// How many markers a match must take to be more than chance, for it to be looked for here.
+    pub needs: RangeInclusive<usize>,
 }
 
 /// Candidates handed on from one base.
@@ -172,7 +175,7 @@ pub(super) fn candidates(
                     break 'search;
                 }
                 stats.triples += 1;
-                let Some(need) = plausible(sky, target, base, [a, b, c]) else { continue };
+                let Some(need) = plausible(sky, target, base, [a, b, c], &scope.needs) else { continue };
                 stats.solved += 1;
                 for pose in p3p(&[a, b, c].map(|seen| seen.bearing), &points) {
                     let blobs = [a, b, c].map(|seen| seen.blob);
@@ -200,7 +203,13 @@ pub(super) fn candidates(
 /// What can be ruled out without a pose: wrong way round, wrong areas, and an affine image in which too few of the others have
 /// a blob near the place that perspective leaves them. Otherwise the number of markers that must be found for the match to be
 /// more than chance.
-fn plausible(sky: &Sky<'_>, target: &Target, base: &Base, seen: [&Seen; 3]) -> Option<usize> {
+fn plausible(
+    sky: &Sky<'_>,
+    target: &Target,
+    base: &Base,
+    seen: [&Seen; 3],
+    needs: &RangeInclusive<usize>,
+) -> Option<usize> {
     let rays @ [a, b, c] = seen.map(|seen| seen.ray);
     let doubled_area = (b - a).perp(&(c - a));
     if base.turn.is_some_and(|turn| turn * doubled_area < 0.0) {
@@ -219,6 +228,9 @@ fn plausible(sky: &Sky<'_>, target: &Target, base: &Base, seen: [&Seen; 3]) -> O
     let shape = Shape::of(base, rays);
     let centre = base.centre.x * a + base.centre.y * b + base.centre.z * c;
     let need = sky.worth.need(shape.largest, shape.sine(), &centre, shape.largest * base.extent_m)?;
+    if !needs.contains(&need) {
+        return None;
+    }
     // Largest relative difference of depth within the target that an affine image of this shape allows: its extent over its
     // distance, times the sine of its tilt. The affine image of a target close by is itself distorted; half as much again
     // covers that.
@@ -301,7 +313,9 @@ fn follow(
     need: usize,
 ) -> Option<(Vec<Option<usize>>, f64)> {
     let [nearest, farthest] = sky.options.range_m;
-    if !(nearest..=farthest).contains(&pose.translation.norm()) {
+    if !(nearest..=farthest).contains(&pose.translation.norm())
+        || base.markers.iter().any(|m| !sky.options.shows(target, *m, pose))
+    {
         return None;
     }
     // Most poses lead nowhere: that is found out first, without an allocation.
@@ -332,7 +346,7 @@ fn follow(
             None => hits.push(hit),
         }
     }
-    if hits.len() + 3 < need || base.markers.iter().any(|m| !sky.options.shows(target, *m, pose)) {
+    if hits.len() + 3 < need {
         return None;
     }
     let mut blob_of_marker = vec![None; target.markers().len()];

@@ -7,7 +7,7 @@
 //! probability below `p`.
 
 use std::collections::BTreeSet;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{LN_2, PI, TAU};
 
 use super::search::Candidate;
 use super::{Blob, Hypothesis, IdentifyOptions, Stats, pairs};
@@ -212,6 +212,11 @@ impl<'a> Scale<'a> {
             let lead = hypothesis.found().saturating_sub(markers) as f64 * gain;
             *ln_factor > certain + 1.0 && lead > DECIDED
         })
+    }
+
+    /// Whether an assignment is weighed that may be accepted, alone or with another.
+    pub(super) fn is_likely(&self) -> bool {
+        self.weighed.iter().any(|(_, ln_factor)| *ln_factor > self.options.ln_odds_needed() - LN_2)
     }
 
     /// The best assignment, if it fits and is so probable that only one that resembles it could matter beside it: one of the
