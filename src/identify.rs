@@ -142,8 +142,26 @@ fn pairs<'a>(target: &'a Target, blob_of_marker: &'a [Option<usize>]) -> impl It
 pub struct Identified {
     /// The assignments.
     pub hypotheses: Vec<Hypothesis>,
+    /// Logarithm of the odds that the target is there, and not chance alone.
+    pub ln_odds: f64,
     /// How much was looked at.
     pub stats: Stats,
+}
+
+impl Identified {
+    /// Drops the rivals of the best assignment that need a blob which another target has.
+    pub fn without_claimed(&mut self, is_claimed: impl Fn(usize) -> bool) {
+        let total = |hypotheses: &[Hypothesis]| hypotheses.iter().map(|h| h.probability).sum::<f64>();
+        let before = total(&self.hypotheses);
+        let mut is_best = true;
+        self.hypotheses.retain(|hypothesis| {
+            std::mem::take(&mut is_best) || !hypothesis.blob_of_marker.iter().flatten().any(|blob| is_claimed(*blob))
+        });
+        let share = before / total(&self.hypotheses);
+        for hypothesis in &mut self.hypotheses {
+            hypothesis.probability *= share;
+        }
+    }
 }
 
 /// The work done.
@@ -231,8 +249,8 @@ pub fn identify(
             ),
         });
     }
-    let hypotheses = weighed.ranked()?;
-    Ok(Identified { hypotheses, stats })
+    let (hypotheses, ln_odds) = weighed.ranked()?;
+    Ok(Identified { hypotheses, ln_odds, stats })
 }
 
 #[cfg(test)]

@@ -126,10 +126,10 @@ impl<'a> Sky<'a> {
         let (x, y, reach) = (place.x as f32, place.y as f32, (1.001 * reach) as f32 + 1e-6);
         let mut nearest = [f32::INFINITY; 8];
         for eight in &self.places {
-            for lane in 0..8 {
-                let (dx, dy) = (eight.x[lane] - x, eight.y[lane] - y);
+            for ((nearest, there_x), there_y) in nearest.iter_mut().zip(&eight.x).zip(&eight.y) {
+                let (dx, dy) = (there_x - x, there_y - y);
                 let squared = dx * dx + dy * dy;
-                nearest[lane] = if squared < nearest[lane] { squared } else { nearest[lane] };
+                *nearest = if squared < *nearest { squared } else { *nearest };
             }
         }
         nearest.iter().any(|squared| *squared <= reach * reach)
@@ -217,9 +217,7 @@ fn plausible(
     }
     // Three blobs that nearly share a line fix no pose.
     let degenerate = 4.0 * sky.sigma;
-    if doubled_area * doubled_area
-        < degenerate * degenerate * (b - a).norm_squared().max((c - a).norm_squared())
-    {
+    if doubled_area * doubled_area < degenerate * degenerate * (b - a).norm_squared().max((c - a).norm_squared()) {
         return None;
     }
     if !areas_agree(sky, target, base, seen, doubled_area) {

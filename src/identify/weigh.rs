@@ -239,8 +239,8 @@ impl<'a> Scale<'a> {
         self.blobs.len() as f64 / (f64::from(self.camera.width()) * f64::from(self.camera.height()))
     }
 
-    /// The hypotheses with their probabilities.
-    pub(super) fn ranked(self) -> Result<Vec<Hypothesis>, NoPose> {
+    /// The hypotheses with their probabilities, and the logarithm of the odds of all of them against chance.
+    pub(super) fn ranked(self) -> Result<(Vec<Hypothesis>, f64), NoPose> {
         let presence = self.options.presence_probability;
         let ln_clutter = ((1.0 - presence) / presence).ln();
         let largest = self.weighed.iter().map(|(_, f)| *f).fold(ln_clutter, f64::max);
@@ -274,7 +274,7 @@ impl<'a> Scale<'a> {
             .filter(|hypothesis| hypothesis.probability > 1e-6)
             .collect();
         hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        Ok(hypotheses)
+        Ok((hypotheses, sum.ln() + largest - ln_clutter))
     }
 
     fn solve(&self, assignment: &[Option<usize>]) -> Result<PoseAnswer, NoPose> {
