@@ -40,6 +40,10 @@ pub(super) struct Other {
 /// of 1,000 (a triple is with probability 0.3).
 const MAX_BASES: usize = 20;
 
+/// Of so few markers every triple is tried: any of them may be seen edge on, and then the right assignment is only found from
+/// another.
+const TRIED_MARKERS: usize = 5;
+
 /// Larger targets take the widest triples instead of a proven cover.
 const COVERED_MARKERS: usize = 8;
 
@@ -57,7 +61,9 @@ pub(super) fn of(target: &Target, need: usize) -> Vec<(usize, Vec<Base>)> {
     let mut add = |visible: usize, fresh: Vec<[usize; 3]>| {
         groups.push((visible, fresh.into_iter().map(|triple| base(target, triple)).collect()));
     };
-    if count <= COVERED_MARKERS {
+    if count <= TRIED_MARKERS {
+        add(count, triples);
+    } else if count <= COVERED_MARKERS {
         for visible in (need..=count).rev() {
             let before = chosen.len();
             cover(count, visible, &triples, &mut chosen);

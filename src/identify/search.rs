@@ -233,6 +233,7 @@ fn plausible(
     // distance, times the sine of its tilt. The affine image of a target close by is itself distorted; half as much again
     // covers that.
     let slant = 1.5 * shape.largest * (shape.sine() + 0.15);
+    // A marker off the plane of the three is also shifted by its height where the line of sight leaves the optical axis.
     let strength = base.extent_m * slant;
     let count = base.others.len();
     let mut near = 0;
@@ -246,7 +247,9 @@ fn plausible(
         let place = predicted(other, rays);
         let w = other.weights;
         let shift = w.x.abs() * (a - place).norm() + w.y.abs() * (b - place).norm() + w.z.abs() * (c - place).norm();
-        let reach = GATE * sky.sigma * other.noise + strength * shift + slant * other.height_m;
+        let reach = GATE * sky.sigma * other.noise
+            + strength * shift
+            + (slant + 1.5 * shape.largest * place.norm()) * other.height_m;
         near += usize::from(sky.has_near(&place, reach));
     }
     (near + 3 >= need).then_some(need)
