@@ -45,12 +45,11 @@ pub struct Sought<'a> {
 }
 
 impl<'a> Overlay<'a> {
-    /// A detection with what it tells of `targets`, one estimate for each in the same order; both empty for a detection
-    /// alone.
+    /// A detection with what it tells of `targets`; both empty for a detection alone.
     #[must_use]
     pub fn of(detection: &'a Detection, targets: &'a [Target], estimates: &'a [TargetEstimate]) -> Self {
-        let sought = targets.iter().zip(estimates);
-        Self { detection, targets: sought.map(|(target, estimate)| Sought { target, estimate }).collect() }
+        let sought = |estimate: &'a TargetEstimate| Some(Sought { target: targets.get(estimate.target)?, estimate });
+        Self { detection, targets: estimates.iter().filter_map(sought).collect() }
     }
 }
 

@@ -10,12 +10,14 @@
 mod bases;
 mod search;
 mod weigh;
+mod worth;
 
 use crate::camera::{Camera, Pixel};
 use crate::geometry::CameraFromTarget;
 use crate::pose::{NoPose, PoseAnswer};
 use crate::refine::Correspondence;
 use crate::target::Target;
+use search::{Scope, Sky};
 
 /// A blob that may be a marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +48,8 @@ pub struct IdentifyOptions {
     pub min_probability: f64,
     /// Blobs considered, the first ones given. The work grows with their third power.
     pub max_blobs: usize,
+    /// Triples of blobs tried before the search is given up.
+    pub max_trials: usize,
     /// Nearest and farthest range expected, m, evenly likely on a logarithmic scale.
     pub range_m: [f64; 2],
 }
@@ -59,13 +63,20 @@ impl Default for IdentifyOptions {
             miss_probability: 0.1,
             presence_probability: 0.5,
             min_probability: 0.9999,
-            max_blobs: 40,
+            max_blobs: 48,
+            max_trials: 1_000_000,
             range_m: [0.2, 200.0],
         }
     }
 }
 
 impl IdentifyOptions {
+    /// What the logarithm of a Bayes factor must be for an answer.
+    fn ln_odds_needed(&self) -> f64 {
+        let odds = |p: f64| (p / (1.0 - p)).ln();
+        odds(self.min_probability) - odds(self.presence_probability)
+    }
+
     /// Whether a marker can be seen at this pose.
     fn shows(&self, target: &Target, marker: usize, pose: &CameraFromTarget) -> bool {
         target.facing_cosine(marker, pose).is_none_or(|cosine| cosine > self.max_tilt_rad.cos())
@@ -131,8 +142,26 @@ fn pairs<'a>(target: &'a Target, blob_of_marker: &'a [Option<usize>]) -> impl It
 pub struct Identified {
     /// The assignments.
     pub hypotheses: Vec<Hypothesis>,
+    /// Logarithm of the odds that the target is there, and not chance alone.
+    pub ln_odds: f64,
     /// How much was looked at.
     pub stats: Stats,
+}
+
+impl Identified {
+    /// Drops the rivals of the best assignment that need a blob which another target has.
+    pub fn without_claimed(&mut self, is_claimed: impl Fn(usize) -> bool) {
+        let total = |hypotheses: &[Hypothesis]| hypotheses.iter().map(|h| h.probability).sum::<f64>();
+        let before = total(&self.hypotheses);
+        let mut is_best = true;
+        self.hypotheses.retain(|hypothesis| {
+            std::mem::take(&mut is_best) || !hypothesis.blob_of_marker.iter().flatten().any(|blob| is_claimed(*blob))
+        });
+        let share = before / total(&self.hypotheses);
+        for hypothesis in &mut self.hypotheses {
+            hypothesis.probability *= share;
+        }
+    }
 }
 
 /// The work done.
@@ -146,11 +175,14 @@ pub struct Stats {
     pub weighed: usize,
 }
 
+/// So many markers are found together by chance only where everything is near everything; then it is looked at more closely.
+const ENOUGH_MARKERS: usize = 9;
+
 /// Finds the target among the blobs.
 ///
 /// # Errors
 /// [`NoPose::TooFewPoints`] for fewer blobs than make a detection, [`NoPose::NotIdentified`] if no assignment is probable
-/// enough.
+/// enough, or none was before the trials ran out.
 pub fn identify(
     camera: &Camera,
     target: &Target,
@@ -163,19 +195,62 @@ pub fn identify(
         return Err(NoPose::TooFewPoints { given: blobs.len(), need });
     }
     let mut stats = Stats::default();
-    let sky = search::Sky::of(camera, blobs, options);
+    let sky = Sky::of(camera, target, blobs, options);
     let mut weighed = weigh::Scale::new(camera, target, blobs, options);
+    let enough = need.max(ENOUGH_MARKERS).max(target.markers().len() * 6 / 10);
+    let everything = |_: usize| true;
+    let everyone = 0..=usize::MAX;
+    let mut gave_up = false;
     for (markers, bases) in bases::of(target, need) {
-        let found = bases.iter().flat_map(|base| search::candidates(&sky, target, base, need, &mut stats)).collect();
-        weighed.add_all(found, &mut stats);
-        weighed.add_exchanges(&mut stats);
+        let mut look = |weighed: &mut weigh::Scale<'_>, scope: &Scope<'_>| {
+            let found: Vec<_> =
+                bases.iter().flat_map(|base| search::candidates(&sky, target, base, scope, &mut stats)).collect();
+            let most = found.iter().map(search::Candidate::found).max();
+            weighed.add_all(found, &mut stats);
+            weighed.add_exchanges(&mut stats);
+            most.unwrap_or(0)
+        };
+        // A match that takes more markers than this to be more than chance was found before, if it is there. It is looked
+        // for again only to see whether what was found has rivals.
+        let was_likely = weighed.is_likely();
+        let needs = if was_likely { everyone.clone() } else { 0..=markers };
+        let most = look(&mut weighed, &Scope { takes: &everything, enough, needs: needs.clone() });
+        if let Some(best) = weighed.beyond_doubt(enough) {
+            // What resembles it, and another target like it.
+            let taken: Vec<usize> = best.blob_of_marker.iter().copied().flatten().collect();
+            for its_own in [true, false] {
+                let takes = |blob| taken.contains(&blob) == its_own;
+                look(&mut weighed, &Scope { takes: &takes, enough: usize::MAX, needs: everyone.clone() });
+            }
+            break;
+        }
+        if most >= enough {
+            look(&mut weighed, &Scope { takes: &everything, enough: usize::MAX, needs });
+        }
+        if weighed.is_likely() && !was_likely && markers < target.markers().len() {
+            look(&mut weighed, &Scope { takes: &everything, enough: usize::MAX, needs: markers + 1..=usize::MAX });
+        }
         // What other bases could still find has fewer markers, and no weight beside this.
         if weighed.is_decided(markers - 1) {
             break;
         }
+        gave_up = stats.triples >= options.max_trials;
+        if gave_up {
+            break;
+        }
     }
-    let hypotheses = weighed.ranked()?;
-    Ok(Identified { hypotheses, stats })
+    if gave_up {
+        return Err(NoPose::NotIdentified {
+            detail: format!(
+                "gave up looking for {:?} among the {} blobs after {} trials of three markers on three blobs",
+                target.name(),
+                blobs.len(),
+                stats.triples
+            ),
+        });
+    }
+    let (hypotheses, ln_odds) = weighed.ranked()?;
+    Ok(Identified { hypotheses, ln_odds, stats })
 }
 
 #[cfg(test)]

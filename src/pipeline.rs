@@ -3,14 +3,16 @@
 //! `Frame` → [`detect`] → centroids → [`identify`] → correspondences → [`estimate_pose`] → poses. Each stage reports to the
 //! caller when it is done; there is no clock in here.
 
+mod joint;
 mod merge;
 
 use crate::camera::Camera;
 use crate::detect::{Detection, Detector, detect};
 use crate::frame::{Frame, FrameError, Region};
-use crate::identify::{Blob, Hypothesis, Identified, IdentifyOptions, identify};
+use crate::identify::{Blob, Hypothesis, Identified, IdentifyOptions};
 use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose};
 use crate::target::Target;
+use joint::Claim;
 
 /// The stages, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +34,8 @@ pub struct Options {
     pub region: Option<Region>,
     /// Identification.
     pub identify: IdentifyOptions,
+    /// Most of each target that are looked for.
+    pub max_instances: usize,
     /// Pose.
     pub pose: PoseOptions,
     /// Error of camera and target model, px, added to each centroid's own for the pose. The default is that of a careful
@@ -45,6 +49,7 @@ impl Default for Options {
             detector: Detector::default(),
             region: None,
             identify: IdentifyOptions::default(),
+            max_instances: 1,
             pose: PoseOptions::default(),
             model_sigma_px: 0.02,
         }
@@ -56,13 +61,15 @@ impl Default for Options {
 pub struct Estimate {
     /// The blobs.
     pub detection: Detection,
-    /// One for each target asked for, in that order.
+    /// One for each target asked for, in that order; where several of a target are in view, one for each of them.
     pub targets: Vec<TargetEstimate>,
 }
 
 /// What a frame tells of one target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetEstimate {
+    /// Position of the target among those asked for.
+    pub target: usize,
     /// For each marker the centroid that it was identified with; all `None` if the target was not.
     pub centroid_of_marker: Vec<Option<usize>>,
     /// The poses, or why there is none.
@@ -97,68 +104,23 @@ pub fn estimate(
         .iter()
         .map(|c| Blob { pixel: c.pixel, sigma_px: c.sigma_px, area_px: Some(c.area_px) })
         .collect();
-    let identified = identify_all(camera, targets, &blobs, &options.identify);
+    let claims = joint::claims(camera, targets, &blobs, options.max_instances, &options.identify);
     on_stage(Stage::Identify);
-    let targets = identified
-        .into_iter()
-        .zip(targets)
-        .map(|(identified, target)| match identified {
-            Ok(identified) => solved(camera, target, &blobs, &identified, options),
-            Err(reason) => {
-                TargetEstimate { centroid_of_marker: vec![None; target.markers().len()], answer: Err(reason) }
-            }
-        })
-        .collect();
+    let targets =
+        claims.into_iter().map(|claim| solved(camera, &targets[claim.target], &blobs, claim, options)).collect();
     on_stage(Stage::Solve);
     Ok(Estimate { detection, targets })
 }
 
-/// Each target among the blobs that no more probable target has claimed.
-fn identify_all(
-    camera: &Camera,
-    targets: &[Target],
-    blobs: &[Blob],
-    options: &IdentifyOptions,
-) -> Vec<Result<Identified, NoPose>> {
-    let mut found: Vec<_> = targets.iter().map(|target| identify(camera, target, blobs, options)).collect();
-    let claims = |result: &Result<Identified, NoPose>| -> Vec<usize> {
-        result
-            .as_ref()
-            .map_or_else(|_| Vec::new(), |i| i.hypotheses[0].blob_of_marker.iter().copied().flatten().collect())
+fn solved(camera: &Camera, target: &Target, blobs: &[Blob], claim: Claim, options: &Options) -> TargetEstimate {
+    let (centroid_of_marker, answer) = match claim.identified {
+        Ok(identified) => (
+            identified.hypotheses[0].blob_of_marker.clone(),
+            answer_of_all(camera, target, blobs, &identified, &options.pose, options.model_sigma_px),
+        ),
+        Err(reason) => (vec![None; target.markers().len()], Err(reason)),
     };
-    // By falling number of markers found, then in the order asked for.
-    let mut order: Vec<usize> = (0..targets.len()).collect();
-    order.sort_by_key(|&t| std::cmp::Reverse(claims(&found[t]).len()));
-    let mut taken: Vec<usize> = Vec::new();
-    for t in order {
-        if claims(&found[t]).iter().any(|blob| taken.contains(blob)) {
-            let free: Vec<usize> = (0..blobs.len()).filter(|blob| !taken.contains(blob)).collect();
-            let remaining: Vec<Blob> = free.iter().map(|&blob| blobs[blob]).collect();
-            found[t] = identify(camera, &targets[t], &remaining, options).map(|mut identified| {
-                for hypothesis in &mut identified.hypotheses {
-                    for blob in hypothesis.blob_of_marker.iter_mut().flatten() {
-                        *blob = free[*blob];
-                    }
-                }
-                identified
-            });
-        }
-        taken.extend(claims(&found[t]));
-    }
-    found
-}
-
-fn solved(
-    camera: &Camera,
-    target: &Target,
-    blobs: &[Blob],
-    identified: &Identified,
-    options: &Options,
-) -> TargetEstimate {
-    TargetEstimate {
-        centroid_of_marker: identified.hypotheses[0].blob_of_marker.clone(),
-        answer: answer_of_all(camera, target, blobs, identified, &options.pose, options.model_sigma_px),
-    }
+    TargetEstimate { target: claim.target, centroid_of_marker, answer }
 }
 
 /// The poses of every assignment, together: the best first, those of rival assignments among the alternatives.

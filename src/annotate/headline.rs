@@ -111,7 +111,10 @@ mod tests {
 
     fn told(found: usize, answer: Result<PoseAnswer, NoPose>) -> String {
         let centroid_of_marker = (0..6).map(|marker| Some(marker).filter(|&marker| marker < found)).collect();
-        sentence(&Sought { target: &models::wing_six(), estimate: &TargetEstimate { centroid_of_marker, answer } })
+        sentence(&Sought {
+            target: &models::wing_six(),
+            estimate: &TargetEstimate { target: 0, centroid_of_marker, answer },
+        })
     }
 
     #[test]

@@ -64,8 +64,11 @@ fn a_ring_has_the_colour_of_its_target_or_that_of_none() {
     let detection = Detection { centroids: vec![centroid(100, 120), centroid(220, 120)], refused: vec![] };
     let targets = [models::wing_six(), models::wing_six()];
     let nothing = Err(NoPose::TooFewPoints { given: 1, need: 4 });
-    let estimates = [None, Some(0)]
-        .map(|first| TargetEstimate { centroid_of_marker: vec![first, None, None], answer: nothing.clone() });
+    let estimates = [(0, None), (1, Some(0))].map(|(target, first)| TargetEstimate {
+        target,
+        centroid_of_marker: vec![first, None, None],
+        answer: nothing.clone(),
+    });
     let picture = annotate(&gray(320, 960), None, &Overlay::of(&detection, &targets, &estimates));
     assert!(count_near(&picture, (100, 120), 20, of_target(1)) > 10);
     assert_eq!(count_near(&picture, (100, 120), 20, NO_TARGET), 0);
@@ -83,7 +86,7 @@ fn the_axes_start_at_the_target_and_an_alternative_adds_to_them() {
     let drawn = |alternatives: Vec<PoseEstimate>| {
         let best = possible(Vector3::new(0.5, 0.0, 0.0), [0.0, 0.0, 2.0], 0.7);
         let answer = Ok(answered(&best, alternatives));
-        let estimates = [TargetEstimate { centroid_of_marker: vec![None; 6], answer }];
+        let estimates = [TargetEstimate { target: 0, centroid_of_marker: vec![None; 6], answer }];
         annotate(&gray(1280, 720), Some(&camera), &Overlay::of(&detection, &targets, &estimates))
     };
     let alone = drawn(vec![]);
@@ -140,7 +143,7 @@ proptest! {
         let mut markers = models::wing_six().markers().to_vec();
         markers[0].id = format!("{name}!");
         let targets = [Target::checked(name, markers).expect("a target")];
-        let estimates = [TargetEstimate { centroid_of_marker, answer }];
+        let estimates = [TargetEstimate { target: 0, centroid_of_marker, answer }];
         let overlay = Overlay::of(&detection, &targets, &estimates);
         let picture = annotate(&gray(width, height), Some(&models::demo_camera()), &overlay);
         prop_assert_eq!(picture.dimensions(), (width, height));

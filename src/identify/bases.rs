@@ -13,10 +13,14 @@ pub(super) struct Base {
     pub others: Vec<Other>,
     /// Twice the signed area of the triangle on the target's plane, m^2; `None` for a target that is not flat.
     pub doubled_area: Option<f64>,
+    /// From an affine image's two sides to that of a unit square in the plane of the three, 1/m.
+    pub from_sides: Matrix2<f64>,
     /// Which way round the triangle appears, if the normals say from which side the target is seen.
     pub turn: Option<f64>,
     /// Largest distance between markers, m.
     pub extent_m: f64,
+    /// Weights of the three whose weighted mean is the middle of all.
+    pub centre: Vector3<f64>,
 }
 
 /// A marker outside the base.
@@ -26,11 +30,19 @@ pub(super) struct Other {
     /// Weights of the three markers whose weighted mean is this one (flat targets; otherwise of its projection onto their
     /// plane). They also tell how the noise of the three spreads to it.
     pub weights: Vector3<f64>,
+    /// Distance from the plane of the three, m.
+    pub height_m: f64,
+    /// Deviation of the place that the three give it from its own image, in those of a blob.
+    pub noise: f64,
 }
 
 /// Most bases for a large target: enough that one of them is all visible with a third of the markers missing, in 999 cases
 /// of 1,000 (a triple is with probability 0.3).
 const MAX_BASES: usize = 20;
+
+/// Of so few markers every triple is tried: any of them may be seen edge on, and then the right assignment is only found from
+/// another.
+const TRIED_MARKERS: usize = 5;
 
 /// Larger targets take the widest triples instead of a proven cover.
 const COVERED_MARKERS: usize = 8;
@@ -49,7 +61,9 @@ pub(super) fn of(target: &Target, need: usize) -> Vec<(usize, Vec<Base>)> {
     let mut add = |visible: usize, fresh: Vec<[usize; 3]>| {
         groups.push((visible, fresh.into_iter().map(|triple| base(target, triple)).collect()));
     };
-    if count <= COVERED_MARKERS {
+    if count <= TRIED_MARKERS {
+        add(count, triples);
+    } else if count <= COVERED_MARKERS {
         for visible in (need..=count).rev() {
             let before = chosen.len();
             cover(count, visible, &triples, &mut chosen);
@@ -111,14 +125,26 @@ fn base(target: &Target, markers: [usize; 3]) -> Base {
     let [a, b, c] = markers.map(|i| target.markers()[i].position.coords);
     let (u, v) = (b - a, c - a);
     let gram = Matrix2::new(u.dot(&u), u.dot(&v), u.dot(&v), v.dot(&v));
-    let others = (0..target.markers().len())
+    let normal = u.cross(&v).normalize();
+    let weights = |p: &Vector3<f64>| {
+        let shares = gram.try_inverse().unwrap_or_default() * Vector2::new(u.dot(&(p - a)), v.dot(&(p - a)));
+        Vector3::new(1.0 - shares.x - shares.y, shares.x, shares.y)
+    };
+    let mut others: Vec<Other> = (0..target.markers().len())
         .filter(|i| !markers.contains(i))
         .map(|marker| {
-            let p = target.markers()[marker].position.coords - a;
-            let shares = gram.try_inverse().unwrap_or_default() * Vector2::new(u.dot(&p), v.dot(&p));
-            Other { marker, weights: Vector3::new(1.0 - shares.x - shares.y, shares.x, shares.y) }
+            let p = target.markers()[marker].position.coords;
+            let weights = weights(&p);
+            let noise = (1.0 + weights.norm_squared()).sqrt();
+            Other { marker, weights, height_m: normal.dot(&(p - a)).abs(), noise }
         })
         .collect();
+    let extent_m = extent(target);
+    // Those whose places are known best come first: what is not there is then found out soon.
+    let vagueness = |other: &Other| other.weights.norm() + 4.0 * other.height_m / extent_m;
+    others.sort_by(|a, b| vagueness(a).total_cmp(&vagueness(b)));
+    let sides = Matrix2::new(u.norm(), u.dot(&v) / u.norm(), 0.0, u.cross(&v).norm() / u.norm());
+    let from_sides = sides.try_inverse().unwrap_or_default();
     let [fa, fb, fc] = markers.map(flat);
     let doubled_area = spread.is_coplanar().then(|| (fb - fa).perp(&(fc - fa)));
     // Seen from the side to which the plane's normal points *away*, the plane's axes appear right way round.
@@ -130,9 +156,14 @@ fn base(target: &Target, markers: [usize; 3]) -> Base {
         },
     );
     let turn = seen_from.flatten().zip(doubled_area).map(|(side, area)| -side * area.signum());
+    let centre = weights(&spread.centre);
+    Base { markers, others, doubled_area, from_sides, turn, extent_m, centre }
+}
+
+/// Largest distance between markers, m.
+fn extent(target: &Target) -> f64 {
     let positions = || target.markers().iter().map(|m| m.position.coords);
-    let extent_m = positions().flat_map(|p| positions().map(move |q| (p - q).norm())).fold(0.0, f64::max);
-    Base { markers, others, doubled_area, turn, extent_m }
+    positions().flat_map(|p| positions().map(move |q| (p - q).norm())).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

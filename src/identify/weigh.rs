@@ -7,16 +7,17 @@
 //! probability below `p`.
 
 use std::collections::BTreeSet;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{LN_2, PI, TAU};
 
 use super::search::Candidate;
 use super::{Blob, Hypothesis, IdentifyOptions, Stats, pairs};
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Matrix6, Vector6};
 
 use crate::camera::{Camera, Pixel};
 use crate::geometry::CameraFromTarget;
 use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose};
-use crate::refine::{Correspondence, RefineOptions, refine};
+use crate::refine::{Correspondence, RefineOptions, project_with_pose_jacobian, refine};
+use crate::statistics::chi_square_quantile;
 use crate::target::Target;
 
 /// Rounds of adding blobs that fit and dropping such that do not.
@@ -31,6 +32,10 @@ const MAX_RESIDUAL_RATIO: f64 = 3.1;
 
 /// Markers whose blobs a marker may have been given by mistake: the nearest ones, all of six.
 const NEIGHBOURS: usize = 5;
+
+/// An exchange that one step of refinement leaves with a larger chi-square is not refined further: twenty times what could
+/// still matter, as one step may mislead.
+const EXCHANGEABLE: f64 = 600.0;
 
 /// Assignments whose markers exchange their blobs to see whether that is better.
 const EXPLORED: usize = 4;
@@ -62,6 +67,17 @@ pub(super) struct Scale<'a> {
     heaviest_rough: f64,
 }
 
+/// What a blob of just the right area adds to the weight of its marker.
+pub(super) fn ln_area_gain() -> f64 {
+    (LN_AREA_SPAN / (LN_AREA_SIGMA * TAU.sqrt())).ln()
+}
+
+/// The volume of all attitudes from which the target can be seen.
+pub(super) fn attitudes(target: &Target) -> f64 {
+    let one_sided = target.spread().is_coplanar() && target.markers().iter().all(|m| m.normal.is_some());
+    if one_sided { 4.0 * PI * PI } else { 8.0 * PI * PI }
+}
+
 impl<'a> Scale<'a> {
     pub(super) const fn new(
         camera: &'a Camera,
@@ -81,7 +97,7 @@ impl<'a> Scale<'a> {
             .collect();
         rough.sort_by(|a, b| b.0.total_cmp(&a.0));
         let heaviest = rough.first().map_or(0.0, |(ln_factor, _)| *ln_factor);
-        self.heaviest_rough = self.heaviest_rough.max(heaviest);
+        self.heaviest_rough = self.heaviest_rough.max(heaviest).max(self.options.ln_odds_needed());
         for (ln_factor, candidate) in rough {
             if ln_factor < self.heaviest_rough - ROUGHLY_NOTHING {
                 break;
@@ -149,9 +165,27 @@ impl<'a> Scale<'a> {
                 blob_of_marker.swap(a, b);
                 (blob_of_marker != assignment).then_some(Candidate { blob_of_marker, pose, fit: 0.0 })
             });
-            self.add_all(exchanged.collect(), stats);
+            let worth_a_try = exchanged.filter(|candidate| {
+                self.predicted_chi_square(&candidate.blob_of_marker, &pose).is_none_or(|c| c < EXCHANGEABLE)
+            });
+            let worth_a_try = worth_a_try.collect();
+            self.add_all(worth_a_try, stats);
             explored.insert(assignment);
         }
+    }
+
+    /// Chi-square that an assignment would have after one step of refinement from this pose.
+    fn predicted_chi_square(&self, assignment: &[Option<usize>], pose: &CameraFromTarget) -> Option<f64> {
+        let (mut information, mut descent, mut chi_square) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
+        for seen in self.correspondences(assignment) {
+            let (place, jacobian) = project_with_pose_jacobian(self.camera, pose, &seen)?;
+            let residual = (seen.pixel - place) / seen.sigma_px;
+            let jacobian = jacobian / seen.sigma_px;
+            information += jacobian.tr_mul(&jacobian);
+            descent += jacobian.tr_mul(&residual);
+            chi_square += residual.norm_squared();
+        }
+        Some(chi_square - descent.dot(&information.cholesky()?.solve(&descent)))
     }
 
     /// Each marker with those that appear nearest to it.
@@ -170,8 +204,8 @@ impl<'a> Scale<'a> {
 
     /// Whether one assignment is so probable that none of up to `markers` markers could still matter beside it.
     pub(super) fn is_decided(&self, markers: usize) -> bool {
-        let certain = -(1.0 - self.options.min_probability).ln();
-        let sigma = self.blobs.iter().map(|b| b.sigma_px).fold(0.0, f64::max).hypot(self.options.model_sigma_px);
+        let certain = self.options.ln_odds_needed();
+        let sigma = self.sigma_px();
         // What a marker adds at least. One that is not found may have reasons that cost nothing.
         let gain = (1.0 - self.options.miss_probability).ln() - (TAU * sigma * sigma).ln() - self.density().ln();
         self.weighed.iter().any(|(hypothesis, ln_factor)| {
@@ -180,13 +214,33 @@ impl<'a> Scale<'a> {
         })
     }
 
+    /// Whether an assignment is weighed that may be accepted, alone or with another.
+    pub(super) fn is_likely(&self) -> bool {
+        self.weighed.iter().any(|(_, ln_factor)| *ln_factor > self.options.ln_odds_needed() - LN_2)
+    }
+
+    /// The best assignment, if it fits and is so probable that only one that resembles it could matter beside it: one of the
+    /// same blobs, or of others alone.
+    pub(super) fn beyond_doubt(&self, enough: usize) -> Option<&Hypothesis> {
+        let (best, ln_factor) = self.weighed.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let freedom = (2 * best.found()).saturating_sub(6) as f64;
+        let ratio = best.answer.best.reprojection_rms_px / self.sigma_px();
+        let fits = ratio * ratio * best.found() as f64 <= chi_square_quantile(freedom, 3.09);
+        (fits && best.found() >= enough && *ln_factor > self.options.ln_odds_needed() + 2.0 * DECIDED).then_some(best)
+    }
+
+    /// The largest standard deviation of a blob.
+    fn sigma_px(&self) -> f64 {
+        self.blobs.iter().map(|b| b.sigma_px).fold(0.0, f64::max).hypot(self.options.model_sigma_px)
+    }
+
     /// Blobs per squared pixel over the picture.
     fn density(&self) -> f64 {
         self.blobs.len() as f64 / (f64::from(self.camera.width()) * f64::from(self.camera.height()))
     }
 
-    /// The hypotheses with their probabilities.
-    pub(super) fn ranked(self) -> Result<Vec<Hypothesis>, NoPose> {
+    /// The hypotheses with their probabilities, and the logarithm of the odds of all of them against chance.
+    pub(super) fn ranked(self) -> Result<(Vec<Hypothesis>, f64), NoPose> {
         let presence = self.options.presence_probability;
         let ln_clutter = ((1.0 - presence) / presence).ln();
         let largest = self.weighed.iter().map(|(_, f)| *f).fold(ln_clutter, f64::max);
@@ -220,7 +274,7 @@ impl<'a> Scale<'a> {
             .filter(|hypothesis| hypothesis.probability > 1e-6)
             .collect();
         hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        Ok(hypotheses)
+        Ok((hypotheses, sum.ln() + largest - ln_clutter))
     }
 
     fn solve(&self, assignment: &[Option<usize>]) -> Result<PoseAnswer, NoPose> {
@@ -277,7 +331,12 @@ impl<'a> Scale<'a> {
 
     /// Logarithm of the probability of the picture under this assignment over that under clutter alone.
     fn ln_bayes_factor(&self, assignment: &[Option<usize>], best: &CameraFromTarget, ln_evidence: f64) -> Option<f64> {
-        let ln_density = self.clutter_density(assignment, best).ln();
+        // The markers' blobs as clutter: each of all blobs anywhere in the picture, or each from the crowd about the target,
+        // whichever is more likely.
+        let crowd = self.crowd(assignment, best);
+        let area = f64::from(self.camera.width()) * f64::from(self.camera.height());
+        let mut left = self.blobs.len() as f64;
+        let (mut ln_scattered, mut ln_crowded) = (0.0, 0.0);
         // Integral over the pose of the likelihood (Laplace; the residuals are in `ln_evidence`), times the prior there.
         let mut ln_factor = ln_evidence + 3.0 * TAU.ln() + self.ln_pose_prior(best);
         for (marker, blob) in assignment.iter().enumerate() {
@@ -290,29 +349,33 @@ impl<'a> Scale<'a> {
                 continue;
             };
             let sigma = blob.sigma_px.hypot(self.options.model_sigma_px);
-            ln_factor += (1.0 - self.options.miss_probability).ln() - (TAU * sigma * sigma).ln() - ln_density;
+            ln_factor += (1.0 - self.options.miss_probability).ln() - (TAU * sigma * sigma).ln();
             ln_factor += self.ln_area_factor(marker, blob, best);
+            // As many ways there are to choose this blob among those that the markers before left.
+            ln_scattered += (left / area).ln();
+            ln_crowded += crowd.ln();
+            left -= 1.0;
         }
+        ln_factor -= ln_scattered.max(ln_crowded);
         ln_factor.is_finite().then_some(ln_factor)
     }
 
-    /// Blobs per squared pixel: over the picture, or of those over the target's own ellipse that are not its markers,
-    /// whichever is denser. Clutter comes in crowds, and along edges.
-    fn clutter_density(&self, assignment: &[Option<usize>], pose: &CameraFromTarget) -> f64 {
-        let over_picture = self.density();
+    /// Blobs per squared pixel of those over the target's own ellipse that are not its markers: clutter comes in crowds, and
+    /// along edges.
+    fn crowd(&self, assignment: &[Option<usize>], pose: &CameraFromTarget) -> f64 {
         let places: Vec<Pixel> = (0..self.target.markers().len()).filter_map(|m| self.place(m, pose)).collect();
         let count = places.len().max(1) as f64;
         let middle = places.iter().sum::<Pixel>() / count;
         let scatter: Matrix2<f64> =
             places.iter().map(|p| (p - middle) * (p - middle).transpose()).sum::<Matrix2<f64>>() / count
                 + Matrix2::identity();
-        let Some(inverse) = scatter.try_inverse() else { return over_picture };
+        let Some(inverse) = scatter.try_inverse() else { return 0.0 };
         // Two standard deviations hold a disc of points exactly.
         let others = self.blobs.iter().enumerate().filter(|(index, blob)| {
             let d = blob.pixel - middle;
             d.dot(&(inverse * d)) < 4.0 && !assignment.contains(&Some(*index))
         });
-        over_picture.max(others.count() as f64 / (4.0 * PI * scatter.determinant().sqrt()))
+        others.count() as f64 / (4.0 * PI * scatter.determinant().sqrt())
     }
 
     /// Evenly over the directions in view, the logarithm of the range, and all attitudes from which the target can be seen.
@@ -321,9 +384,7 @@ impl<'a> Scale<'a> {
         let solid_angle = f64::from(self.camera.width()) / fx * f64::from(self.camera.height()) / fy;
         let [nearest, farthest] = self.options.range_m;
         let range = pose.translation.norm();
-        let one_sided = self.target.spread().is_coplanar() && self.target.markers().iter().all(|m| m.normal.is_some());
-        let attitudes = if one_sided { 4.0 * PI * PI } else { 8.0 * PI * PI };
-        -(solid_angle * range.powi(3) * (farthest / nearest).ln() * attitudes).ln()
+        -(solid_angle * range.powi(3) * (farthest / nearest).ln() * attitudes(self.target)).ln()
     }
 
     fn ln_area_factor(&self, marker: usize, blob: &Blob, pose: &CameraFromTarget) -> f64 {
@@ -337,6 +398,6 @@ impl<'a> Scale<'a> {
         let blurred = (sharp.sqrt() + 1.0).powi(2);
         let deviation = (measured / blurred).ln() / LN_AREA_SIGMA.hypot(2.0 / blurred.sqrt());
         // Gaussian against uniform; a floor, as paint and light may deceive.
-        (LN_AREA_SPAN / (LN_AREA_SIGMA * TAU.sqrt())).ln() - 0.5 * (deviation * deviation).min(25.0)
+        ln_area_gain() - 0.5 * (deviation * deviation).min(25.0)
     }
 }

@@ -130,18 +130,25 @@ impl Valley {
         Some(Self { tilts, following: by_rest * 0.5, square, cube, fourth })
     }
 
-    /// Rise of chi-square over the minimum's, the four other coordinates at their best.
-    fn rise(&self, a: f64, b: f64, products: &Vector3<f64>) -> f64 {
-        let slope = self.square + self.cube[0] * a + self.cube[1] * b;
-        a * a + b * b + products.dot(&(slope + self.fourth * products))
+    /// Rise of chi-square over the minimum's along `b` for one `a`, the four other coordinates at their best: coefficients of
+    /// the powers of `b` from zero to four.
+    fn row(&self, a: f64) -> [f64; 5] {
+        let (s, [c, d], f) = (&self.square, &self.cube, &self.fourth);
+        let a2 = a * a;
+        [
+            a2 * (1.0 + s[0] + a * c[0] + a2 * f[(0, 0)]),
+            a * (2.0 * s[1] + a * (2.0 * c[1] + d[0]) + a2 * 4.0 * f[(0, 1)]),
+            1.0 + s[2] + a * (c[2] + 2.0 * d[1]) + a2 * (2.0 * f[(0, 2)] + 4.0 * f[(1, 1)]),
+            d[2] + a * 4.0 * f[(1, 2)],
+            f[(2, 2)],
+        ]
     }
 
     fn nonlinearity(&self) -> f64 {
         (0..16)
             .map(|direction| {
                 let (sine, cosine) = (f64::from(direction) * std::f64::consts::TAU / 16.0).sin_cos();
-                let (a, b) = (2.0 * cosine, 2.0 * sine);
-                (self.rise(a, b, &products(a, b)) / 4.0 - 1.0).abs()
+                (along(&self.row(2.0 * cosine), 2.0 * sine) / 4.0 - 1.0).abs()
             })
             .fold(0.0, f64::max)
     }
@@ -151,25 +158,29 @@ impl Valley {
         let mut half_width = HALF_WIDTH;
         let mut sum = self.sum(half_width, others);
         for _ in 0..WIDENINGS {
-            if sum.edge <= EDGE_SHARE * sum.mass {
+            if sum.edge <= EDGE_SHARE * sum.of(0, 0) {
                 break;
             }
             half_width *= 2.0;
             sum = self.sum(half_width, others);
         }
         let step = half_width / f64::from(HALF_STEPS);
-        let mass = sum.mass * step * step / std::f64::consts::TAU;
+        let mass = sum.of(0, 0) * step * step / std::f64::consts::TAU;
         if !(mass > 0.0 && mass.is_finite()) {
             return None;
         }
-        let of_mass = 1.0 / sum.mass;
-        let tilt = &self.tilts;
-        let mixed = tilt * sum.tilt_by_product * self.following.transpose() * of_mass;
-        let moment = Matrix6::identity() - tilt * tilt.transpose()
-            + tilt * sum.tilt_by_tilt * tilt.transpose() * of_mass
+        let mean = |a: usize, b: usize| sum.of(a, b) / sum.of(0, 0);
+        let tilt_by_tilt = Matrix2::new(mean(2, 0), mean(1, 1), mean(1, 1), mean(0, 2));
+        let tilt_by_product =
+            Matrix2x3::new(mean(3, 0), 2.0 * mean(2, 1), mean(1, 2), mean(2, 1), 2.0 * mean(1, 2), mean(0, 3));
+        let [aaab, aabb, abbb] = [2.0 * mean(3, 1), mean(2, 2), 2.0 * mean(1, 3)];
+        let product_by_product = Matrix3::new(mean(4, 0), aaab, aabb, aaab, 4.0 * aabb, abbb, aabb, abbb, mean(0, 4));
+        let (tilt, following) = (&self.tilts, &self.following);
+        let mixed = tilt * (tilt_by_product * following.transpose());
+        let moment = Matrix6::identity() + tilt * ((tilt_by_tilt - Matrix2::identity()) * tilt.transpose())
             - mixed
             - mixed.transpose()
-            + self.following * sum.product_by_product * self.following.transpose() * of_mass;
+            + following * (product_by_product * following.transpose());
         Some((moment, mass))
     }
 
@@ -177,39 +188,52 @@ impl Valley {
         let step = half_width / f64::from(HALF_STEPS);
         let mut sum = Sum::default();
         for i in -HALF_STEPS..=HALF_STEPS {
+            let a = f64::from(i) * step;
+            let row = self.row(a);
+            let mut powers = [0.0; 5];
             for j in -HALF_STEPS..=HALF_STEPS {
-                let tilt = Vector2::new(f64::from(i) * step, f64::from(j) * step);
+                let b = f64::from(j) * step;
                 // Nearer to another minimum: that one's.
-                if others.iter().any(|other| tilt.dot(other) > 0.5 * other.norm_squared()) {
+                if others.iter().any(|other| a * other.x + b * other.y > 0.5 * other.norm_squared()) {
                     continue;
                 }
-                let products = products(tilt.x, tilt.y);
-                let weight = (-0.5 * self.rise(tilt.x, tilt.y, &products)).exp();
-                sum.mass += weight;
+                let weight = (-0.5 * along(&row, b)).exp();
                 if i.abs() == HALF_STEPS || j.abs() == HALF_STEPS {
                     sum.edge += weight;
                 }
-                sum.tilt_by_tilt += tilt * tilt.transpose() * weight;
-                sum.tilt_by_product += tilt * products.transpose() * weight;
-                sum.product_by_product += products * products.transpose() * weight;
+                let mut term = weight;
+                for power in &mut powers {
+                    *power += term;
+                    term *= b;
+                }
+            }
+            let mut power = 1.0;
+            for by_a in &mut sum.moments {
+                by_a.iter_mut().zip(powers).for_each(|(sum, of_row)| *sum += power * of_row);
+                power *= a;
             }
         }
         sum
     }
 }
 
+/// A polynomial of fourth degree.
+fn along(coefficients: &[f64; 5], b: f64) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * b + coefficient)
+}
+
 /// Weighted sums over the grid.
 #[derive(Default)]
 struct Sum {
-    mass: f64,
     edge: f64,
-    tilt_by_tilt: Matrix2<f64>,
-    tilt_by_product: Matrix2x3<f64>,
-    product_by_product: Matrix3<f64>,
+    /// Of the powers of `a`, then of `b`.
+    moments: [[f64; 5]; 5],
 }
 
-fn products(a: f64, b: f64) -> Vector3<f64> {
-    Vector3::new(a * a, 2.0 * a * b, b * b)
+impl Sum {
+    const fn of(&self, power_of_a: usize, power_of_b: usize) -> f64 {
+        self.moments[power_of_a][power_of_b]
+    }
 }
 
 /// Whitened directions of the turns about two axes across the line of sight, everything else following; orthonormal.

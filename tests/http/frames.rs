@@ -141,3 +141,41 @@ async fn two_targets_are_told_apart() {
     assert_true_pose(&reply.json["targets"][1]["pose"]);
     assert!(reply.json["centroids"].as_array().expect("list").iter().all(|c| c["target"] != "other"));
 }
+
+/// Two wings in one frame, the left and the right half of two pictures.
+fn two_wings() -> Vec<u8> {
+    let half = |side: f64| {
+        let turn = skypose::geometry::rotation::exp(&nalgebra::Vector3::new(0.4, 0.3, 0.7 * side));
+        let pose = skypose::geometry::CameraFromTarget::new(turn, nalgebra::Vector3::new(side, 0.1, 4.0));
+        let (sky, optics) = (skypose::scene::render::Sky::fair(5, [0.0; 2]), skypose::scene::render::Optics::default());
+        let mut rng = skypose::random::named("two wings");
+        skypose::scene::render::render(&demo_camera(), &pose, &wing(), &sky, &optics, &mut rng).rgb().into_owned()
+    };
+    let (left, right) = (half(-1.0), half(1.0));
+    let rows = left.chunks_exact(3 * 1280).zip(right.chunks_exact(3 * 1280));
+    let pixels: Vec<u8> = rows.flat_map(|(l, r)| [&l[..3 * 640], &r[3 * 640..]].concat()).collect();
+    [b"P6\n1280 720\n255\n".as_slice(), &pixels].concat()
+}
+
+#[tokio::test]
+async fn several_of_one_target_are_several_entries() {
+    let station = Station::equipped().await;
+    let ask = async |query: String| station.post_bytes(&query, "image/x-portable-pixmap", two_wings()).await;
+    let one = ask(QUERY.into()).await;
+    assert_eq!(one.json["targets"].as_array().expect("targets").len(), 1, "{one:?}");
+    assert_eq!(one.json["targets"][0].get("instance"), None);
+    let all = ask(format!("{QUERY}&max_instances=3")).await;
+    let found = all.json["targets"].as_array().expect("targets");
+    assert_eq!(found.len(), 2, "{all:?}");
+    let mut sides: Vec<f64> = Vec::new();
+    for (index, target) in found.iter().enumerate() {
+        assert_eq!((&target["name"], &target["instance"]), (&json!("wing-six"), &json!(index)));
+        sides.push(target["pose"]["translation_m"][0].as_f64().expect("metres"));
+        let of_it = |c: &&Value| c["instance"] == json!(index) && c["marker"].is_string();
+        assert_eq!(all.json["centroids"].as_array().expect("centroids").iter().filter(of_it).count(), 6, "{all:?}");
+    }
+    sides.sort_by(f64::total_cmp);
+    assert!((sides[0] + 1.0).abs() < 0.02 && (sides[1] - 1.0).abs() < 0.02, "{sides:?}");
+    let none = ask(format!("{QUERY}&max_instances=0")).await;
+    assert_eq!((none.assert_problem(422).pointer()), "/max_instances");
+}

@@ -70,6 +70,9 @@ pub(super) struct Estimate {
     /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times.
     #[arg(long, value_name = "FILE", required_unless_present = "requests")]
     target: Vec<PathBuf>,
+    /// Most of each target to look for; further ones are further entries of the reply.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    max_instances: usize,
     /// Method for the pose: auto, homography, epnp, posit, ippe, p3p or sqpnp.
     #[arg(long, default_value = "auto", value_parser = named::<SolverName>)]
     solver: SolverName,
@@ -93,6 +96,7 @@ impl Estimate {
         let request = FrameRequest {
             camera,
             targets: targets?,
+            max_instances: self.max_instances,
             solver: self.solver,
             refine: !self.no_refine,
             ..self.frames.request()

@@ -25,6 +25,10 @@ pub struct FrameRequest {
     /// The targets to look for, or the names of stored ones.
     #[schema(value_type = Vec<TargetOrName>)]
     pub targets: Vec<Ref<TargetWire>>,
+    /// Most of each target that are looked for: with more than 1, several of one target in view are several entries of the
+    /// reply under its name.
+    #[schema(default = 1, minimum = 1, maximum = 16)]
+    pub max_instances: usize,
     /// The detector.
     pub detector: DetectorWire,
     /// Region of interest x, y, width, height in whole pixels; the whole frame if left out.
@@ -98,6 +102,7 @@ impl Default for FrameRequest {
             id: None,
             camera: None,
             targets: Vec::new(),
+            max_instances: 1,
             detector: DetectorWire::default(),
             region_px: None,
             solver: SolverName::default(),
@@ -278,6 +283,9 @@ pub struct CentroidWire {
     /// The target of that marker, where several were looked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
+    /// Which of several like it that target is, from 0, where more than one of each was looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance: Option<usize>,
 }
 
 /// A blob that was looked at and is no marker.
@@ -312,6 +320,7 @@ pub fn centroids_of(detection: &Detection) -> Vec<CentroidWire> {
         score: c.score,
         marker: None,
         target: None,
+        instance: None,
     };
     detection.centroids.iter().map(centroid).collect()
 }
@@ -368,6 +377,9 @@ pub struct DetectionReply {
 pub struct TargetEstimateWire {
     /// The target's name.
     pub name: String,
+    /// Which of several like it, from 0, where more than one of each was looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance: Option<usize>,
     /// At least four of its markers were found and identified.
     pub detected: bool,
     /// The pose.
@@ -376,10 +388,15 @@ pub struct TargetEstimateWire {
 }
 
 impl TargetEstimateWire {
-    /// Of a target.
+    /// Of a target, or of one of several.
     #[must_use]
-    pub fn of(target: &Target, estimate: &TargetEstimate) -> Self {
-        Self { name: target.name().into(), detected: estimate.is_detected(), answer: Answer::from(&estimate.answer) }
+    pub fn of(target: &Target, estimate: &TargetEstimate, instance: Option<usize>) -> Self {
+        Self {
+            name: target.name().into(),
+            instance,
+            detected: estimate.is_detected(),
+            answer: Answer::from(&estimate.answer),
+        }
     }
 }
 
@@ -393,7 +410,8 @@ pub struct EstimateReply {
     pub frame: FrameInfo,
     /// Candidates for markers, the best first, each with the marker that it was identified with.
     pub centroids: Vec<CentroidWire>,
-    /// One for each target asked for, in that order.
+    /// One for each target asked for, in that order; with `max_instances`, where several of a target are in view, one for each
+    /// of them, the most probable first.
     pub targets: Vec<TargetEstimateWire>,
     /// Time taken.
     pub timing_us: Timing,

@@ -17,6 +17,9 @@ pub struct FrameQuery {
     camera: Option<String>,
     /// Name of a stored target; may come several times, or be a list with commas. `targets` is the same.
     target: Option<Vec<String>>,
+    /// Most of each target that are looked for, 1 if left out.
+    #[param(minimum = 1, maximum = 16)]
+    max_instances: Option<usize>,
     /// Method of the detector.
     method: Option<Method>,
     /// Preset of the detector.
@@ -70,10 +73,11 @@ enum Form {
 }
 
 /// Parameters of the request itself.
-const REQUEST: [(&str, Form); 12] = [
+const REQUEST: [(&str, Form); 13] = [
     ("camera", Form::Text),
     ("target", Form::Names),
     ("targets", Form::Names),
+    ("max_instances", Form::Number),
     ("region_px", Form::Numbers),
     ("solver", Form::Text),
     ("refine", Form::Flag),

@@ -8,7 +8,7 @@ use super::Terms;
 use crate::camera::Camera;
 use crate::detect::{Detection, Detector, detect};
 use crate::frame::{Decoding, Frame, RawFormat, Region};
-use crate::pipeline::{self, Estimate, Stage};
+use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::wire::frame::{FrameInfo, OrientationHandling, TargetEstimateWire, Timing, centroids_of, refused_of};
@@ -23,6 +23,7 @@ pub struct FrameTask {
     targets: Vec<Target>,
     detector: Detector,
     region: Option<Region>,
+    max_instances: usize,
     pose: crate::pose::PoseOptions,
     timestamp_us: Option<i64>,
     apply_orientation: bool,
@@ -31,6 +32,9 @@ pub struct FrameTask {
 
 /// Most targets looked for in one frame.
 const MAX_TARGETS: usize = 16;
+
+/// Most of each target looked for in one frame.
+const MAX_INSTANCES: usize = 16;
 
 impl FrameTask {
     /// Checks everything that can be wrong with a request, the frame aside.
@@ -52,6 +56,11 @@ impl FrameTask {
             let target = lookup.target(wanted).await.map_err(|fault| fault.within(&format!("/targets/{index}")))?;
             targets.push(target);
         }
+        let max_instances = request.max_instances;
+        if !(1..=MAX_INSTANCES).contains(&max_instances) {
+            let detail = format!("max_instances = {max_instances}: from 1 to {MAX_INSTANCES} is accepted");
+            return Err(Fault::senseless("/max_instances", detail));
+        }
         let raw = match (request.format, request.width, request.height) {
             (None, None, None) => None,
             (Some(format), Some(width), Some(height)) => Some((format.format(), width, height)),
@@ -63,6 +72,7 @@ impl FrameTask {
             targets,
             detector: Detector::try_from(&request.detector).map_err(|fault| fault.within("/detector"))?,
             region: request.region_px.map(|[x, y, width, height]| Region { x, y, width, height }),
+            max_instances,
             pose: request.solver.options(request.refine),
             timestamp_us: request.timestamp_us,
             apply_orientation: request.orientation == OrientationHandling::Apply,
@@ -150,6 +160,7 @@ impl FrameTask {
             detector: self.detector.clone(),
             region: self.region,
             identify: terms.identify,
+            max_instances: self.max_instances,
             pose: self.pose,
             model_sigma_px: terms.model_sigma_px,
         };
@@ -182,11 +193,14 @@ impl FrameTask {
     #[must_use]
     pub fn estimate_reply(&self, frame: &Frame, estimate: &Estimate, timing_us: Timing) -> EstimateReply {
         let mut centroids = centroids_of(&estimate.detection);
-        for (target, found) in self.targets.iter().zip(&estimate.targets) {
+        let numbers = instances(&estimate.targets);
+        for (found, number) in estimate.targets.iter().zip(&numbers) {
+            let target = &self.targets[found.target];
             for (marker, centroid) in target.markers().iter().zip(&found.centroid_of_marker) {
                 if let Some(centroid) = centroid.and_then(|index| centroids.get_mut(index)) {
                     centroid.marker = Some(marker.id.clone());
                     centroid.target = (self.targets.len() > 1).then(|| target.name().into());
+                    centroid.instance = (self.max_instances > 1).then_some(*number);
                 }
             }
         }
@@ -194,10 +208,24 @@ impl FrameTask {
             id: self.id.clone(),
             frame: FrameInfo::of(frame, self.timestamp_us),
             centroids,
-            targets: self.targets.iter().zip(&estimate.targets).map(|(t, e)| TargetEstimateWire::of(t, e)).collect(),
+            targets: estimate
+                .targets
+                .iter()
+                .zip(numbers)
+                .map(|(found, number)| {
+                    let instance = (self.max_instances > 1).then_some(number);
+                    TargetEstimateWire::of(&self.targets[found.target], found, instance)
+                })
+                .collect(),
             timing_us,
         }
     }
+}
+
+/// For each estimate the number of those of its target before it.
+fn instances(estimates: &[TargetEstimate]) -> Vec<usize> {
+    let before = |index: usize| estimates[..index].iter().filter(|e| e.target == estimates[index].target).count();
+    (0..estimates.len()).map(before).collect()
 }
 
 /// Times of stages, in whole microseconds for the reply and to the metrics.
