@@ -40,7 +40,8 @@ async fn more_than_it_can_do_is_shed_and_what_was_accepted_is_answered() {
             shed += 1;
         }
     }
-    assert!(answered >= 3 && shed >= 1, "{answered} answered, {shed} shed");
+    // The queue holds two; a third only if the worker has begun before all have come.
+    assert!(answered >= 2 && shed >= 1, "{answered} answered, {shed} shed");
     assert_eq!(station.post_bytes(QUERY, "image/jpeg", jpeg()).await.status, 200, "and then it is well again");
 }
 
