@@ -1,11 +1,15 @@
 //! Frame to centroids.
 //!
-//! Two ways to find coloured markers: [`thesis`], the seed's method step for step, and [`color`], the default. The steps
-//! they share are rooms of their own.
+//! Two ways to find coloured markers: [`thesis`], the seed's method step for step, and [`color`], the default; and one to find a
+//! thing without markers: [`edge`], the seed's. The steps they share are rooms of their own.
 
 pub mod color;
 pub mod components;
+pub mod edge;
+pub mod gray;
+pub mod median;
 pub mod morphology;
+pub mod sobel;
 pub mod thesis;
 pub mod threshold;
 
@@ -15,6 +19,7 @@ use crate::camera::Pixel;
 use crate::frame::{Frame, Region, Wanted};
 
 pub use color::{ColorOptions, HueRange};
+pub use edge::{EdgeOptions, Persistence, PersistenceOptions};
 
 /// A blob that may be a marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +66,8 @@ pub enum Refusal {
     AtBorder,
     /// Better candidates filled the list.
     Crowded,
+    /// Not seen in enough frames in a row.
+    NotPersistent,
 }
 
 impl Refusal {
@@ -75,6 +82,7 @@ impl Refusal {
             Self::LowContrast => "low_contrast",
             Self::AtBorder => "at_border",
             Self::Crowded => "crowded",
+            Self::NotPersistent => "not_persistent",
         }
     }
 }
@@ -96,8 +104,10 @@ pub const MAX_REFUSED: usize = 64;
 pub enum Detector {
     /// Markers of one hue, located to a fraction of a pixel.
     Color(ColorOptions),
-    /// The seed's method.
+    /// The seed's method for markers.
     Thesis,
+    /// Silhouettes, without markers.
+    Edge(EdgeOptions),
 }
 
 impl Default for Detector {
@@ -112,7 +122,7 @@ impl Detector {
     pub const fn wanted(&self) -> Wanted {
         match self {
             Self::Color(_) => Wanted::Native,
-            Self::Thesis => Wanted::Rgb,
+            Self::Thesis | Self::Edge(_) => Wanted::Rgb,
         }
     }
 }
@@ -123,6 +133,7 @@ pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {
     let mut detection = match detector {
         Detector::Color(options) => color::detect(frame, region, options),
         Detector::Thesis => thesis::detect(frame, region),
+        Detector::Edge(options) => edge::detect(frame, region, options),
     };
     detection.refused.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
     detection.refused.truncate(MAX_REFUSED);

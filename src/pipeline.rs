@@ -1,7 +1,7 @@
 //! The spine: a frame in, an estimate out, on one screen.
 //!
-//! `Frame` → [`detect`] → centroids → [`identify`](crate::identify::identify) → correspondences → [`estimate_pose`] → poses. Each stage reports to the
-//! caller when it is done; there is no clock in here.
+//! `Frame` → [`detect`] → centroids → [`identify`](crate::identify::identify) → correspondences → [`estimate_pose`] → poses.
+//! Each stage reports to the caller when it is done; there is no clock in here.
 
 mod joint;
 mod merge;

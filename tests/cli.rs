@@ -372,6 +372,34 @@ fn frames_are_answered_one_a_line_in_both_formats() {
 }
 
 #[test]
+fn edges_of_a_sequence_are_kept_where_they_last() {
+    let desk = Desk::new();
+    let black = |x: i32, y: i32| (20..60).contains(&x) && (30..50).contains(&y);
+    let picture = |shift: i32| {
+        let samples = (0..100).flat_map(|y| (0..160).map(move |x| if black(x - shift, y) { 20 } else { 200 }));
+        [b"P5\n160 100\n255\n".to_vec(), samples.collect()].concat()
+    };
+    // A jump in the fourth.
+    for (index, shift) in [0, 4, 8, 80].into_iter().enumerate() {
+        desk.write(&format!("{index}.pgm"), &picture(shift));
+    }
+    let frames = ["0.pgm", "1.pgm", "2.pgm", "3.pgm"];
+    let said = desk.run(
+        &[&["detect", "--method", "edge", "--sequence", "--persistent", "2", "--median", "3,3"][..], &frames].concat(),
+    );
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let replies = said.lines();
+    let counts: Vec<_> = replies.iter().map(|reply| reply["centroids"].as_array().map(Vec::len)).collect();
+    assert_eq!(counts, [Some(0), Some(1), Some(1), Some(0)], "{said:?}");
+    assert_eq!(replies[3]["refused"][0]["reason"], "not_persistent");
+    assert!((replies[1]["centroids"][0]["u_px"].as_f64().expect("u") - 43.5).abs() < 0.5, "{said:?}");
+    let said = desk.run(&["detect", "--method", "edge", "--preset", "thesis", "--min-area", "10", "0.pgm"]);
+    assert_eq!(said.lines()[0]["centroids"].as_array().map(Vec::is_empty), Some(false), "{said:?}");
+    let said = desk.run(&["detect", "--method", "edge", "--threshold", "2", "0.pgm"]);
+    assert!(said.code == Some(2) && said.err.contains("/detector/threshold"), "{said:?}");
+}
+
+#[test]
 fn a_text_that_calls_itself_a_picture_harms_no_other_frame() {
     let desk = Desk::new();
     desk.write("ab.jpg", b"This is no picture.");

@@ -43,7 +43,7 @@ pub fn detect(frame: &Frame, region: Region) -> Detection {
 
 /// Standard deviation of a binary disc's mean position: every pixel of the outline falls in or out by chance (variance 1/12
 /// of a pixel across the outline), which moves the mean by `1 / (12 pi r)` squared pixels.
-fn outline_sigma_px(area_px: f64) -> f64 {
+pub(super) fn outline_sigma_px(area_px: f64) -> f64 {
     let radius = (area_px / std::f64::consts::PI).sqrt();
     (12.0 * std::f64::consts::PI * radius).recip().sqrt()
 }

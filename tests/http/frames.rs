@@ -126,6 +126,47 @@ async fn the_thesis_preset_and_refused_blobs_are_served() {
     assert!(refused.iter().any(|blob| blob["reason"] == "too_large"), "{reply:?}");
 }
 
+/// A dark cross in a bright sky, and a speck.
+fn cross() -> Vec<u8> {
+    let is_dark = |x: i32, y: i32| {
+        let (x, y) = (x - 200, y - 90);
+        (x.abs() < 60 && y.abs() < 8) || (x.abs() < 8 && y.abs() < 40) || (x == 50 && y == 40)
+    };
+    let samples = (0..240).flat_map(|y| (0..320).map(move |x| if is_dark(x, y) { 40 } else { 190 }));
+    [b"P5\n320 240\n255\n".to_vec(), samples.collect()].concat()
+}
+
+#[tokio::test]
+async fn edges_are_found_by_the_seeds_numbers_and_by_others() {
+    let station = Station::equipped().await;
+    let content_type = "image/x-portable-pixmap";
+    for options in ["", "&preset=thesis", "&preset=thesis&gray=average&median_px=5,5&threshold=0.3&min_area_px=100"] {
+        let reply = station.post_bytes(&format!("/v1/detections?method=edge{options}"), content_type, cross()).await;
+        assert_eq!(reply.status, StatusCode::OK, "{options}: {reply:?}");
+        let mut centroids = reply.json["centroids"].as_array().expect("centroids").clone();
+        if options == "&preset=thesis" {
+            // The right border of a bright picture is the seed's false alarm.
+            centroids.retain(|centroid| centroid["u_px"].as_f64().expect("u") < 300.0);
+        }
+        assert_eq!(centroids.len(), 1, "{options}: {reply:?}");
+        let at = |name: &str| centroids[0][name].as_f64().expect(name);
+        assert!((at("u_px") - 200.0).hypot(at("v_px") - 90.0) < 1.0, "{options}: {reply:?}");
+        assert_eq!(centroids[0]["marker"], Value::Null);
+    }
+    let reply = station.post_bytes("/v1/detections?method=edge&min_area_px=100000", content_type, cross()).await;
+    assert_eq!((&reply.json["centroids"], &reply.json["refused"][0]["reason"]), (&json!([]), &json!("too_small")));
+}
+
+#[tokio::test]
+async fn edges_alone_give_no_pose() {
+    let station = Station::equipped().await;
+    let reply = station.post_bytes(&format!("{QUERY}&method=edge&preset=thesis"), "image/jpeg", jpeg()).await;
+    assert_eq!(reply.status, StatusCode::OK, "{reply:?}");
+    let target = &reply.json["targets"][0];
+    assert_eq!((&target["pose"], &target["detected"]), (&Value::Null, &json!(false)), "{reply:?}");
+    assert!(target["reason"].is_string(), "{reply:?}");
+}
+
 #[tokio::test]
 async fn two_targets_are_told_apart() {
     let station = Station::equipped().await;

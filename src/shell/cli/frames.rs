@@ -11,12 +11,13 @@ use super::pictures::Pictures;
 use super::requests::Requests;
 use super::{Failures, SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
+use crate::detect::{Persistence, PersistenceOptions};
 use crate::shell::console::{print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Terms};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
-use crate::shell::wire::frame::{DetectorWire, Method, OrientationHandling, Preset};
+use crate::shell::wire::frame::{DetectorWire, GrayName, Method, OrientationHandling, Preset};
 use crate::shell::wire::pose::SolverName;
 use crate::shell::wire::{CameraWire, FrameRequest, Problem, TargetWire, from_value};
 
@@ -35,7 +36,7 @@ struct Frames {
     /// Draw what was found: a picture for a single frame, a folder for several.
     #[arg(long, value_name = "OUT")]
     annotate: Option<PathBuf>,
-    /// Method of detection: color.
+    /// Method of detection: color (markers), or edge (anything that stands out from the sky).
     #[arg(long, value_name = "METHOD", default_value = "color", value_parser = named::<Method>)]
     method: Method,
     /// Preset of the method: thesis is that of the 2012 thesis, step for step.
@@ -44,6 +45,18 @@ struct Frames {
     /// The markers' colour: red, orange, yellow, green, cyan, blue or magenta.
     #[arg(long)]
     color: Option<String>,
+    /// edge: how colour becomes gray: luminosity, average or lightness.
+    #[arg(long, value_name = "WAY", value_parser = named::<GrayName>)]
+    gray: Option<GrayName>,
+    /// edge: the median's window, as in 9,10.
+    #[arg(long, value_name = "ROWS,COLUMNS", value_parser = window)]
+    median: Option<[usize; 2]>,
+    /// edge: gradient above which a pixel is an edge, as a share of full scale.
+    #[arg(long, value_name = "RATIO")]
+    threshold: Option<f64>,
+    /// Smallest area in pixels.
+    #[arg(long, value_name = "AREA")]
+    min_area: Option<f64>,
     /// Look only here: x,y,width,height in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
     region: Option<[u32; 4]>,
@@ -58,6 +71,9 @@ struct Frames {
 pub(super) struct Detect {
     #[command(flatten)]
     frames: Frames,
+    /// With --sequence: keep only what was seen in so many frames in a row, nearly where it was.
+    #[arg(long, value_name = "FRAMES", requires = "sequence", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    persistent: Option<u32>,
 }
 
 #[derive(Args, Debug)]
@@ -84,7 +100,9 @@ pub(super) struct Estimate {
 impl Detect {
     pub(super) fn run(self) -> Result<(), Stop> {
         let request = self.frames.request();
-        run(&self.frames, &request, Kind::Detection)
+        let options = |least_frames| PersistenceOptions { least_frames, ..PersistenceOptions::default() };
+        let persistence = self.persistent.map(|frames| Persistence::new(options(frames)));
+        run(&self.frames, &request, Kind::Detection, persistence)
     }
 }
 
@@ -101,7 +119,7 @@ impl Estimate {
             refine: !self.no_refine,
             ..self.frames.request()
         };
-        run(&self.frames, &request, Kind::Estimate)
+        run(&self.frames, &request, Kind::Estimate, None)
     }
 }
 
@@ -112,11 +130,17 @@ fn named<T: serde::de::DeserializeOwned>(word: &str) -> Result<T, String> {
 
 /// x,y,width,height.
 fn region(text: &str) -> Result<[u32; 4], String> {
-    let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-    numbers
-        .ok()
-        .and_then(|numbers| numbers.try_into().ok())
-        .ok_or_else(|| "four whole numbers are expected: x,y,width,height".into())
+    numbers(text).ok_or_else(|| "four whole numbers are expected: x,y,width,height".into())
+}
+
+/// rows,columns.
+fn window(text: &str) -> Result<[usize; 2], String> {
+    numbers(text).ok_or_else(|| "two whole numbers are expected: rows,columns".into())
+}
+
+fn numbers<T: std::str::FromStr, const N: usize>(text: &str) -> Option<[T; N]> {
+    let numbers: Result<Vec<T>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    numbers.ok()?.try_into().ok()
 }
 
 impl Frames {
@@ -126,6 +150,10 @@ impl Frames {
                 method: self.method,
                 preset: self.preset,
                 color: self.color.clone(),
+                gray: self.gray,
+                median_px: self.median,
+                threshold: self.threshold,
+                min_area_px: self.min_area,
                 ..DetectorWire::default()
             },
             region_px: self.region,
@@ -204,7 +232,7 @@ struct Failed {
     error: Problem,
 }
 
-fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> {
+fn run(frames: &Frames, request: &FrameRequest, kind: Kind, mut persistence: Option<Persistence>) -> Result<(), Stop> {
     let settings = frames.settings.load(Vec::new())?;
     let terms = Terms::of(&settings);
     let runtime = runtime()?;
@@ -228,7 +256,7 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
                     Kind::Estimate => FrameTask::for_estimate(request, &lookup).await,
                 }
             })?;
-            answer(&job.path, &task, &terms, kind, &mut pictures)
+            answer(&job.path, &task, &terms, kind, persistence.as_mut(), &mut pictures)
         });
         let line = match answer {
             Ok(reply) => to_line(Line { source, frame_index, reply })?,
@@ -244,12 +272,22 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind) -> Result<(), Stop> 
     failures.into_result()
 }
 
-fn answer(path: &Path, task: &FrameTask, terms: &Terms, kind: Kind, pictures: &mut Pictures) -> Result<Value, Fault> {
+fn answer(
+    path: &Path,
+    task: &FrameTask,
+    terms: &Terms,
+    kind: Kind,
+    persistence: Option<&mut Persistence>,
+    pictures: &mut Pictures,
+) -> Result<Value, Fault> {
     let bytes = std::fs::read(path).map_err(|error| unreadable_source(&error))?;
     let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
     match kind {
         Kind::Detection => {
-            let (frame, detection, timing) = task.detected(&bytes, terms)?;
+            let (frame, mut detection, timing) = task.detected(&bytes, terms)?;
+            if let Some(persistence) = persistence {
+                persistence.sift(&mut detection);
+            }
             pictures.write(path, &frame, task, &Overlay::of(&detection, &[], &[]))?;
             serde_json::to_value(task.detection_reply(&frame, &detection, timing)).map_err(internal)
         }

@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 use utoipa::IntoParams;
 
 use crate::shell::fault::{Fault, FaultKind};
-use crate::shell::wire::frame::{Method, OrientationHandling, Preset, RawFormatName};
+use crate::shell::wire::frame::{GrayName, Method, OrientationHandling, Preset, RawFormatName};
 use crate::shell::wire::pose::SolverName;
 use crate::shell::wire::{FrameRequest, from_value};
 
@@ -41,6 +41,13 @@ pub struct FrameQuery {
     min_fill: Option<f64>,
     /// Most centroids returned.
     max_centroids: Option<usize>,
+    /// `edge`: how colour becomes gray.
+    gray: Option<GrayName>,
+    /// `edge`: the median's window: rows,columns.
+    #[param(value_type = Option<String>, example = "9,10")]
+    median_px: Option<[usize; 2]>,
+    /// `edge`: gradient above which a pixel is an edge, as a share of full scale.
+    threshold: Option<f64>,
     /// Region of interest: x,y,width,height in whole pixels.
     #[param(value_type = Option<String>, example = "100,80,320,240")]
     region_px: Option<[u32; 4]>,
@@ -90,7 +97,7 @@ const REQUEST: [(&str, Form); 13] = [
 ];
 
 /// Parameters of its detector.
-const DETECTOR: [(&str, Form); 10] = [
+const DETECTOR: [(&str, Form); 13] = [
     ("method", Form::Text),
     ("preset", Form::Text),
     ("color", Form::Text),
@@ -101,6 +108,9 @@ const DETECTOR: [(&str, Form); 10] = [
     ("max_elongation", Form::Number),
     ("min_fill", Form::Number),
     ("max_centroids", Form::Number),
+    ("gray", Form::Text),
+    ("median_px", Form::Numbers),
+    ("threshold", Form::Number),
 ];
 
 impl FrameQuery {
