@@ -1,7 +1,7 @@
 //! Median filter with a window of any size, as Matlab's `medfilt2` defines it.
 //!
-//! Small windows go through a network of minima and maxima over whole stretches of a row ([`network`]), large ones through
-//! histograms ([`histogram`]); the two agree bit for bit, and the cost of both depends on the window and the number of pixels
+//! Small windows go through a network of minima and maxima over whole stretches of a row (`network`), large ones through
+//! histograms (`histogram`); the two agree bit for bit, and the cost of both depends on the window and the number of pixels
 //! alone, not on what the picture shows.
 
 mod histogram;
