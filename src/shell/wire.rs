@@ -2,11 +2,13 @@
 
 pub mod assessment;
 pub mod camera;
+pub mod detector;
 pub mod frame;
 pub mod pose;
 pub mod prior;
 pub mod problem;
 pub mod reference;
+pub mod sighting;
 pub mod target;
 
 use serde::de::DeserializeOwned;
@@ -15,11 +17,13 @@ use super::fault::{Fault, FaultKind};
 
 pub use assessment::{AssessmentReply, AssessmentRequest};
 pub use camera::{CameraWire, DistortionWire};
-pub use frame::{DetectionReply, DetectorWire, EstimateReply, FrameRequest};
+pub use detector::DetectorWire;
+pub use frame::FrameRequest;
 pub use pose::{PoseBatch, PoseReplies, PoseReply, PoseRequest, PoseWire};
 pub use prior::PriorWire;
 pub use problem::Problem;
 pub use reference::Ref;
+pub use sighting::{DetectionReply, EstimateReply};
 pub use target::{MarkerWire, TargetWire};
 
 /// Parses JSON; a fault names the place. What is no JSON is unreadable; JSON of the wrong shape is senseless.

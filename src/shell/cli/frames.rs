@@ -17,7 +17,8 @@ use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Terms};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
-use crate::shell::wire::frame::{DetectorWire, GrayName, Method, OrientationHandling, Preset};
+use crate::shell::wire::detector::{DetectorWire, GrayName, Method, Preset};
+use crate::shell::wire::frame::OrientationHandling;
 use crate::shell::wire::pose::SolverName;
 use crate::shell::wire::{CameraWire, FrameRequest, Problem, TargetWire, from_value};
 

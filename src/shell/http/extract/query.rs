@@ -4,7 +4,8 @@ use serde_json::{Map, Value};
 use utoipa::IntoParams;
 
 use crate::shell::fault::{Fault, FaultKind};
-use crate::shell::wire::frame::{GrayName, Method, OrientationHandling, Preset, RawFormatName};
+use crate::shell::wire::detector::{GrayName, Method, Preset};
+use crate::shell::wire::frame::{OrientationHandling, RawFormatName};
 use crate::shell::wire::pose::SolverName;
 use crate::shell::wire::{FrameRequest, from_value};
 

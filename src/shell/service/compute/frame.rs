@@ -11,7 +11,8 @@ use crate::frame::{Decoding, Frame, RawFormat, Region};
 use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::lookup::Lookup;
-use crate::shell::wire::frame::{FrameInfo, OrientationHandling, TargetEstimateWire, Timing, centroids_of, refused_of};
+use crate::shell::wire::frame::OrientationHandling;
+use crate::shell::wire::sighting::{FrameInfo, TargetEstimateWire, Timing, centroids_of, refused_of};
 use crate::shell::wire::{DetectionReply, EstimateReply, FrameRequest};
 use crate::target::Target;
 
