@@ -7,6 +7,7 @@ pub mod color;
 pub mod components;
 pub mod edge;
 pub mod gray;
+pub mod locate;
 pub mod median;
 pub mod morphology;
 pub mod sobel;

@@ -12,7 +12,10 @@ mod hue;
 mod levels;
 mod score;
 
-use super::{Detection, Refusal, Refused, bounds_in_frame, in_frame};
+use nalgebra::Matrix2;
+
+use super::locate::{Located, Seed, locate};
+use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame};
 use crate::frame::{Frame, Region};
 
 pub use hue::{HueRange, NAMED_HUES};
@@ -64,25 +67,31 @@ pub fn detect(frame: &Frame, region: Region, options: &ColorOptions) -> Detectio
         coding: frame.coding(),
         frame_area: f64::from(frame.width()) * f64::from(frame.height()),
     };
-    let mut detection = levels::search(&picture, options);
-    detection.centroids.sort_by(|a, b| b.score.total_cmp(&a.score));
-    for extra in detection.centroids.drain(options.max_centroids.min(detection.centroids.len())..) {
-        detection.refused.push(Refused {
-            pixel: extra.pixel,
-            area_px: extra.area_px,
-            bounds: extra.bounds,
-            reason: Refusal::Crowded,
-        });
-    }
-    for centroid in &mut detection.centroids {
-        centroid.pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
-        centroid.bounds = bounds_in_frame(region, centroid.bounds);
-    }
-    for refused in &mut detection.refused {
+    let levels::Found { mut markers, mut refused } = levels::search(&picture, options);
+    markers.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
+    refused.extend(markers.drain(options.max_centroids.min(markers.len())..).map(|(extra, _)| Refused {
+        pixel: extra.pixel,
+        area_px: extra.area_px,
+        bounds: extra.bounds,
+        reason: Refusal::Crowded,
+    }));
+    for refused in &mut refused {
         refused.pixel = in_frame(region, refused.pixel.x, refused.pixel.y);
         refused.bounds = bounds_in_frame(region, refused.bounds);
     }
-    detection
+    let direction = options.hue.direction();
+    let located = |(centroid, moments): (Centroid, Matrix2<f64>)| {
+        let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
+        let seed = Seed { pixel, moments, sigma_px: centroid.sigma_px };
+        let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
+        locate(frame, &seed, Some(direction)).map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid {
+            pixel,
+            sigma_px,
+            area_px,
+            ..rough
+        })
+    };
+    Detection { centroids: markers.into_iter().map(located).collect(), refused }
 }
 
 #[cfg(test)]

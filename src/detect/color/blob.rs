@@ -1,6 +1,6 @@
 //! One component: is it a marker, and where exactly?
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 use super::ColorOptions;
 use crate::detect::components::{Components, Connectivity, Run, area, bounds, mean_position};
@@ -43,7 +43,8 @@ impl Picture<'_> {
 }
 
 pub(super) enum Verdict {
-    Marker(Centroid),
+    /// A centroid, and the second moments of its area, px^2.
+    Marker(Centroid, Matrix2<f64>),
     /// Not as it is; parts of it may be.
     LookHigher(Refusal),
     Refused(Refusal),
@@ -82,7 +83,7 @@ pub(super) fn examine(picture: &Picture<'_>, runs: &[Run], options: &ColorOption
     match shape.refusal(picture, options) {
         Some(reason @ (Refusal::TooSmall | Refusal::AtBorder)) => Verdict::Refused(reason),
         Some(reason) => Verdict::LookHigher(reason),
-        None => Verdict::Marker(shape.centroid(picture, &heights)),
+        None => Verdict::Marker(shape.centroid(picture, &heights), shape.moments),
     }
 }
 
@@ -123,6 +124,8 @@ struct Shape<'a> {
     bounds: Region,
     /// Area, px.
     area: f64,
+    /// Second moments, px^2.
+    moments: Matrix2<f64>,
     /// Root mean square extents of the outline, the longer first, px.
     extents: [f64; 2],
 }
@@ -143,7 +146,7 @@ impl<'a> Shape<'a> {
         let area = area(core) as f64;
         let (half_trace, half_gap) = (0.5 * (xx + yy) / area, (0.5 * (xx - yy)).hypot(xy) / area);
         let extents = [half_trace + half_gap, half_trace - half_gap].map(|v| v.max(0.0).sqrt());
-        Self { core, bounds: bounds(core), area, extents }
+        Self { core, bounds: bounds(core), area, moments: Matrix2::new(xx, xy, xy, yy) / area, extents }
     }
 
     /// Area over that of the ellipse of the same moments: `4 pi` times the product of the extents.

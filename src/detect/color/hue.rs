@@ -38,6 +38,11 @@ impl HueRange {
         Some(Self { centre_deg: *centre_deg, half_width_deg: Self::NAMED_HALF_WIDTH_DEG })
     }
 
+    /// The direction of the sector's middle in the plane of (Cb, Cr), a unit vector.
+    pub(super) fn direction(&self) -> Vector2<f64> {
+        chroma_direction(self.centre_deg)
+    }
+
     /// Two vectors in the plane of (Cb, Cr) such that the smaller of the two products with a pixel's chroma is the chroma's
     /// length where its hue is the sector's middle, falls to zero at the sector's edges, and is negative outside.
     pub(super) fn edges(&self) -> [Vector2<f64>; 2] {

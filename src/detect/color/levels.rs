@@ -4,10 +4,12 @@
 //! levels are tried from low to high, each one and a half times the last. A component that makes a good blob at its own
 //! half height is taken, one that does not is looked at again at the next level, inside its bounds only.
 
+use nalgebra::Matrix2;
+
 use super::ColorOptions;
 use super::blob::{Picture, Verdict, examine};
 use crate::detect::components::{Components, Connectivity, area, bounds};
-use crate::detect::{Detection, Refused};
+use crate::detect::{Centroid, Refused};
 use crate::frame::Region;
 
 /// From one level to the next.
@@ -16,8 +18,16 @@ const LEVEL_RATIO: f64 = 1.5;
 /// Components examined in one frame: a bound on the cost of a frame of noise.
 const MAX_EXAMINED: usize = 4096;
 
-pub(super) fn search(picture: &Picture<'_>, options: &ColorOptions) -> Detection {
-    let mut found = Detection::default();
+/// What a search ends with.
+#[derive(Default)]
+pub(super) struct Found {
+    /// Markers, each with the second moments of its area, px^2.
+    pub markers: Vec<(Centroid, Matrix2<f64>)>,
+    pub refused: Vec<Refused>,
+}
+
+pub(super) fn search(picture: &Picture<'_>, options: &ColorOptions) -> Found {
+    let mut found = Found::default();
     let mut windows = vec![picture.window()];
     let mut level = (0.5 * options.min_contrast).max(1.0);
     let mut examined = 0;
@@ -31,14 +41,14 @@ pub(super) fn search(picture: &Picture<'_>, options: &ColorOptions) -> Detection
             {
                 let whole = bounds(runs);
                 // Taken at a lower level, or as part of an overlapping window.
-                let known = found.centroids.iter().any(|c| overlaps(c.bounds, whole));
+                let known = found.markers.iter().any(|(c, _)| overlaps(c.bounds, whole));
                 // Less than a marker can have even at half height, and so without number in a noisy frame.
                 if known || area(runs) < 2 || examined >= MAX_EXAMINED {
                     continue;
                 }
                 examined += 1;
                 match examine(picture, runs, options) {
-                    Verdict::Marker(centroid) => found.centroids.push(centroid),
+                    Verdict::Marker(centroid, moments) => found.markers.push((centroid, moments)),
                     Verdict::LookHigher(_) if level * LEVEL_RATIO < f64::from(peak(picture, runs)) => again.push(whole),
                     Verdict::LookHigher(reason) | Verdict::Refused(reason) => found.refused.push(Refused {
                         pixel: middle(whole),

@@ -1,0 +1,104 @@
+//! The fit: passes over the pixels, each of which moves ellipse and light to where the last one's sums point.
+
+use nalgebra::{Matrix2, Vector2, Vector4};
+
+use super::ellipse::Ellipse;
+use super::pass::{FULL, Light, Model, Noise, Sums, gather};
+use super::patch::Patch;
+use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, LUMA_FLOOR_PX, Trust, solved};
+use super::{Located, Seed};
+use crate::frame::Frame;
+
+/// Logarithm of the blur's variance that is expected beforehand, and its deviation: lenses are about as sharp as pixels.
+const LN_BLUR: f64 = -0.4;
+const LN_BLUR_SPREAD: f64 = 1.5;
+
+/// Passes: in the first chroma speaks alone, as it is not misled by what touches the rim.
+const MAX_PASSES: usize = 9;
+const CHROMA_PASSES: usize = 2;
+const MIN_PASSES: usize = 5;
+
+/// Moves shorter than this end the fit, px.
+const SETTLED_PX: f64 = 1e-3;
+
+/// Eight bits have steps; noise below this is not believed.
+const MIN_NOISE: f64 = 0.5;
+
+/// Part of the rim that must be an ellipse's.
+const MIN_KEPT: f64 = 0.4;
+
+pub(super) fn fit(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
+    // An ellipse's second moments are a quarter of its squared half axes; of a pixel they are a twelfth.
+    let matrix = ((seed.moments + Matrix2::identity() / 12.0) * 4.0).try_inverse()?;
+    let patch = Patch::around(frame, seed, chroma, &matrix)?;
+    let mut model = start(&patch, seed, matrix);
+    let prior = FormMatrix::zeros();
+    let mut trust = Trust::NONE;
+    let mut last = None;
+    for pass in 0..MAX_PASSES {
+        let sums = gather(&patch, &model);
+        let luma = sums.luma.offsets(LUMA_FLOOR_PX);
+        let colour = patch.has_chroma.then(|| sums.chroma.offsets(CHROMA_FLOOR_PX));
+        let chroma_alone = patch.has_chroma && pass < CHROMA_PASSES;
+        trust = if chroma_alone { Trust::NONE } else { luma.trust(colour.as_ref(), &prior) };
+        let (mut normal, mut right) = (prior, Form::zeros());
+        luma.add_to(&trust, &mut normal, &mut right);
+        if let Some(colour) = &colour {
+            colour.add_to(&Trust::FULL, &mut normal, &mut right);
+        }
+        let step = solved(normal, &right)?;
+        let kept = luma.kept(&trust);
+        last = Some((normal, kept));
+        let next = model.ellipse.moved(&step);
+        let moved = (next.centre - model.ellipse.centre).norm();
+        model.ellipse = next;
+        relit(&mut model, &patch, &sums);
+        if pass + 1 >= MIN_PASSES && moved < SETTLED_PX {
+            break;
+        }
+    }
+    let (normal, kept) = last?;
+    let covariance = normal.try_inverse()?;
+    let sigma_px = trust.scatter * (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
+    let pixel = model.ellipse.centre + patch.origin;
+    let moved = (pixel - seed.pixel).norm();
+    let fits = sigma_px.is_finite() && kept > MIN_KEPT && moved < 4.0 * seed.sigma_px + 0.5;
+    fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
+}
+
+fn start(patch: &Patch, seed: &Seed, matrix: Matrix2<f64>) -> Model {
+    let light = |code: f64| code * code / FULL;
+    let (inside, outside) = (patch.inside, patch.outside);
+    let ground = light(outside.luma);
+    Model {
+        ellipse: Ellipse { centre: seed.pixel - patch.origin, matrix, ln_blur: LN_BLUR },
+        light: Light {
+            luma: Vector4::new(light(inside.luma) - ground, ground, 0.0, 0.0),
+            chroma: Vector2::new(inside.chroma - outside.chroma, outside.chroma),
+        },
+        noise: Noise { luma: patch.noise[0].max(MIN_NOISE), chroma: patch.noise[1].max(MIN_NOISE) },
+    }
+}
+
+/// Light, blur and noise as the pass has them.
+fn relit(model: &mut Model, patch: &Patch, sums: &Sums) {
+    let (mut normal, right) = sums.luma_light;
+    for k in 0..4 {
+        normal[(k, k)] += 1e-6 * normal[(k, k)] + 1e-9;
+    }
+    if let Some(factors) = normal.cholesky() {
+        model.light.luma += factors.solve(&right);
+    }
+    if patch.has_chroma {
+        let (normal, right) = sums.chroma_light;
+        if let Some(factors) = (normal + Matrix2::identity() * 1e-9).cholesky() {
+            model.light.chroma += factors.solve(&right);
+        }
+    }
+    let (information, pull) = sums.blur;
+    let expected = LN_BLUR_SPREAD.powi(-2);
+    let step = (pull - expected * (model.ellipse.ln_blur - LN_BLUR)) / (information + expected);
+    model.ellipse.ln_blur = (model.ellipse.ln_blur + step.clamp(-0.5, 0.5)).clamp(-3.0, 4.0);
+    model.noise =
+        Noise { luma: sums.noise.luma.max(MIN_NOISE), chroma: sums.noise.chroma.max(MIN_NOISE) };
+}

@@ -1,0 +1,257 @@
+//! One look at all pixels with a model: what they say about rim, light, blur and noise.
+
+use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
+
+use super::ellipse::{Ellipse, FORM, LOGISTIC};
+use super::lanes::Lanes;
+use super::patch::{Octet, Patch};
+use super::rim::{Rim, SECTORS};
+
+/// How an ellipse is lit: what the pixels' light is within it and around it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Light {
+    /// Luma in linear light, of 255: height of the ellipse over the ground, the ground at the origin, its slopes right and down.
+    pub luma: Vector4<f64>,
+    /// Chroma along the marker's hue: height, ground.
+    pub chroma: Vector2<f64>,
+}
+
+/// Standard deviations of one pixel where there is no edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Noise {
+    pub luma: f64,
+    pub chroma: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Model {
+    pub ellipse: Ellipse,
+    pub light: Light,
+    pub noise: Noise,
+}
+
+/// Normal equations and what else a pass gathers.
+pub(super) struct Sums {
+    pub luma: Rim,
+    pub chroma: Rim,
+    pub luma_light: (Matrix4<f64>, Vector4<f64>),
+    pub chroma_light: (Matrix2<f64>, Vector2<f64>),
+    /// Information and pull of the blur's logarithm.
+    pub blur: (f64, f64),
+    /// Mean squares of what no edge explains.
+    pub noise: Noise,
+}
+
+/// Sensors' codes are close to the square root of light.
+pub(super) const FULL: f64 = 255.0;
+
+/// The part of an edge's height by which optics, sampling and coding bend it away from the model, as a standard deviation.
+/// Demosaicing lets the height of chroma show in luma.
+const EDGE_ERROR: f32 = 0.03;
+const CHROMA_IN_LUMA: f32 = 0.7;
+
+/// Residuals beyond this many standard deviations belong to something else.
+const LIMIT: f32 = 8.0;
+
+/// The share of a pixel's light that the ellipse gives, and its derivatives.
+struct Cover {
+    share: Lanes,
+    /// For each pixel that the rim moves outwards.
+    by_rim: Lanes,
+    by_blur: Lanes,
+}
+
+/// Position against the ellipse.
+struct Place {
+    /// Half of the distance from the rim in radii squared.
+    n: Lanes,
+    gradient_squared: Lanes,
+    gradient: Lanes,
+    form: [Lanes; FORM],
+}
+
+impl Place {
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    fn of(octet: &Octet, ellipse: &Ellipse) -> Self {
+        let (m11, m12, m22) = (single(ellipse.matrix.m11), single(ellipse.matrix.m12), single(ellipse.matrix.m22));
+        let (m11, m12, m22) = (Lanes::all(m11), Lanes::all(m12), Lanes::all(m22));
+        let qx = octet.x - Lanes::all(single(ellipse.centre.x));
+        let qy = octet.y - Lanes::all(single(ellipse.centre.y));
+        let (gx, gy) = (m11 * qx + m12 * qy, m12 * qx + m22 * qy);
+        let squared = (qx * gx + qy * gy).max(1e-6);
+        let gradient_squared = (gx * gx + gy * gy).max(1e-12);
+        let gradient = gradient_squared.sqrt();
+        let normal = Lanes::ONE / gradient;
+        // Scaled to the rim, where the product is one.
+        let half = Lanes::all(0.5) * normal / squared.sqrt();
+        let (xx, xy, yy) = (qx * qx, qx * qy, qy * qy);
+        // A larger matrix is a smaller ellipse.
+        let form = [gx * normal, gy * normal, -(xx * half), -(xy * half) - xy * half, -(yy * half)];
+        Self { n: squared - Lanes::ONE, gradient_squared, gradient, form }
+    }
+
+    /// Near the outline of a large ellipse the share falls with the distance as through a Gaussian blur; for one that is
+    /// small against the blur it falls nearly as a Gaussian of the blur's width. It is symmetric about the centre, which is
+    /// what the position lives on.
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    fn cover(&self, ellipse: &Ellipse, more: f64) -> Cover {
+        let own = ellipse.ln_blur.exp();
+        let blur = own + more;
+        let half_trace = 0.5 * ellipse.matrix.trace();
+        let width = (LOGISTIC * blur * half_trace).powi(2);
+        let w = Lanes::all(single(blur)) * self.gradient_squared + Lanes::all(single(width));
+        let per_root = Lanes::ONE / w.sqrt();
+        let half = Lanes::all(single(0.5 * LOGISTIC));
+        let z = half * self.n * per_root;
+        let share = z.logistic_fall();
+        let edge = share * (Lanes::ONE - share);
+        let by_rim = edge * (half + half) * self.gradient * per_root;
+        // Half of dw / d ln blur, over w.
+        let widening = Lanes::all(single(own)) * self.gradient_squared
+            + Lanes::all(single(2.0 * own * LOGISTIC * LOGISTIC * blur * half_trace * half_trace));
+        let by_blur = edge * z * Lanes::all(0.5) * widening * per_root * per_root;
+        Cover { share, by_rim, by_blur }
+    }
+}
+
+/// What one channel of eight pixels says.
+struct Said {
+    residual: Lanes,
+    weight: Lanes,
+    /// Change of the code for each pixel that the rim moves outwards.
+    by_rim: Lanes,
+}
+
+#[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+#[inline(always)]
+fn said(residual: Lanes, noise_squared: f32, edge: Lanes, by_rim: Lanes, there: Lanes) -> Said {
+    let variance = Lanes::all(noise_squared) + edge * edge;
+    let excess = residual * residual / (variance * Lanes::all(LIMIT * LIMIT));
+    let inside = Lanes::ONE - excess.min(1.0);
+    Said { residual, weight: there * inside * inside / variance, by_rim }
+}
+
+#[derive(Clone, Copy)]
+struct RimLanes {
+    information: Lanes,
+    pull: Lanes,
+    form: [Lanes; FORM],
+}
+
+impl RimLanes {
+    const ZERO: Self = Self { information: Lanes::ZERO, pull: Lanes::ZERO, form: [Lanes::ZERO; FORM] };
+
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    fn add(&mut self, said: &Said, place: &Place) {
+        let pull = said.weight * said.by_rim;
+        let information = pull * said.by_rim;
+        self.information += information;
+        self.pull += pull * said.residual;
+        for (sum, form) in self.form.iter_mut().zip(place.form) {
+            *sum += information * form;
+        }
+    }
+
+    fn into(self, rim: &mut Rim, sector: usize) {
+        rim.information[sector] = self.information.sum();
+        rim.pull[sector] = self.pull.sum();
+        for (row, form) in self.form.iter().enumerate() {
+            rim.form[sector][row] = form.sum();
+        }
+    }
+}
+
+/// Looks at every pixel of `patch`.
+#[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
+pub(super) fn gather(patch: &Patch, model: &Model) -> Sums {
+    let Model { ellipse, light, noise } = model;
+    let (luma_noise, chroma_noise) = (single(noise.luma * noise.luma), single(noise.chroma * noise.chroma));
+    let [height, ground, right, down] = [light.luma.x, light.luma.y, light.luma.z, light.luma.w].map(|l| Lanes::all(single(l)));
+    let (chroma_height, chroma_ground) = (single(light.chroma.x), Lanes::all(single(light.chroma.y)));
+    let mut luma_rim = Rim::default();
+    let mut chroma_rim = Rim::default();
+    let mut normal = [Lanes::ZERO; 10];
+    let mut moment = [Lanes::ZERO; 4];
+    let mut chroma_sums = [Lanes::ZERO; 5];
+    let (mut blur, mut blur_pull) = (Lanes::ZERO, Lanes::ZERO);
+    let (mut flat, mut luma_flat, mut chroma_flat) = (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO);
+    for sector in 0..SECTORS {
+        let mut luma_here = RimLanes::ZERO;
+        let mut chroma_here = RimLanes::ZERO;
+        for octet in &patch.octets[patch.starts[sector]..patch.starts[sector + 1]] {
+            let place = Place::of(octet, ellipse);
+            let cover = place.cover(ellipse, 0.0);
+            let linear = (height * cover.share + ground + right * octet.x + down * octet.y).max(1.0);
+            let code = (linear * Lanes::all(single(FULL))).sqrt();
+            // Derivative of the code by the light.
+            let gain = Lanes::all(single(0.5 * FULL)) / code;
+            let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
+            let bend = edge * ((gain * height) * (gain * height) + Lanes::all((CHROMA_IN_LUMA * chroma_height).powi(2))).sqrt()
+                * Lanes::all(EDGE_ERROR);
+            let luma = said(octet.luma - code, luma_noise, bend, gain * height * cover.by_rim, octet.there);
+            luma_here.add(&luma, &place);
+            let weighted = luma.weight * gain;
+            let by = [cover.share, Lanes::ONE, octet.x, octet.y];
+            let mut index = 0;
+            for row in 0..4 {
+                moment[row] += weighted * by[row] * luma.residual;
+                for column in row..4 {
+                    normal[index] += weighted * gain * by[row] * by[column];
+                    index += 1;
+                }
+            }
+            let by_blur = gain * height * cover.by_blur;
+            blur += luma.weight * by_blur * by_blur;
+            blur_pull += luma.weight * by_blur * luma.residual;
+            let level = octet.there * (Lanes::ONE - edge);
+            flat += level;
+            let square = luma.residual * luma.residual;
+            luma_flat += level * square.min(9.0 * luma_noise);
+            if patch.has_chroma {
+                let soft = place.cover(ellipse, patch.chroma_blur);
+                let residual = octet.chroma - Lanes::all(chroma_height) * soft.share - chroma_ground;
+                let edge = Lanes::all(4.0 * EDGE_ERROR * chroma_height) * soft.share * (Lanes::ONE - soft.share);
+                let by_rim = Lanes::all(chroma_height) * soft.by_rim;
+                let mut chroma = said(residual, chroma_noise, edge, by_rim, octet.there);
+                chroma.weight = chroma.weight * Lanes::all(single(patch.chroma_share));
+                chroma_here.add(&chroma, &place);
+                chroma_sums[0] += chroma.weight * soft.share * soft.share;
+                chroma_sums[1] += chroma.weight * soft.share;
+                chroma_sums[2] += chroma.weight;
+                chroma_sums[3] += chroma.weight * soft.share * residual;
+                chroma_sums[4] += chroma.weight * residual;
+                chroma_flat += level * (residual * residual).min(9.0 * chroma_noise);
+            }
+        }
+        luma_here.into(&mut luma_rim, sector);
+        chroma_here.into(&mut chroma_rim, sector);
+    }
+    let n = normal.map(Lanes::sum);
+    #[rustfmt::skip]
+    let luma_normal = Matrix4::new(
+        n[0], n[1], n[2], n[3],
+        n[1], n[4], n[5], n[6],
+        n[2], n[5], n[7], n[8],
+        n[3], n[6], n[8], n[9],
+    );
+    let c = chroma_sums.map(Lanes::sum);
+    let flat = flat.sum().max(1.0);
+    // Cut at three deviations, the mean square of a normal variable is 0.97.
+    let deviation = |sum: Lanes| (sum.sum() / (0.97 * flat)).sqrt();
+    Sums {
+        luma: luma_rim,
+        chroma: chroma_rim,
+        luma_light: (luma_normal, Vector4::from(moment.map(Lanes::sum))),
+        chroma_light: (Matrix2::new(c[0], c[1], c[1], c[2]), Vector2::new(c[3], c[4])),
+        blur: (blur.sum(), blur_pull.sum()),
+        noise: Noise { luma: deviation(luma_flat), chroma: deviation(chroma_flat) },
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
+const fn single(value: f64) -> f32 {
+    value as f32
+}
