@@ -1,8 +1,11 @@
 //! Frame to centroids.
 //!
-//! Two ways to find coloured markers: [`thesis`], the seed's method step for step, and [`color`], the default; and one to find a
-//! thing without markers: [`edge`], the seed's. The steps they share are rooms of their own.
+//! Two ways to find coloured markers: [`thesis`], the seed's method step for step, and [`color`], the default; one to find LEDs
+//! in the dark: [`beacon`]; and one to find a thing without markers: [`edge`], the seed's. The steps they share are rooms of
+//! their own.
 
+pub mod beacon;
+mod blob;
 pub mod color;
 pub mod components;
 pub mod edge;
@@ -19,6 +22,7 @@ use nalgebra::Vector2;
 use crate::camera::Pixel;
 use crate::frame::{Frame, Region, Wanted};
 
+pub use beacon::BeaconOptions;
 pub use color::{ColorOptions, HueRange};
 pub use edge::{EdgeOptions, Persistence, PersistenceOptions};
 
@@ -67,6 +71,8 @@ pub enum Refusal {
     AtBorder,
     /// Better candidates filled the list.
     Crowded,
+    /// Light of another colour.
+    OtherColor,
     /// Not seen in enough frames in a row.
     NotPersistent,
 }
@@ -83,6 +89,7 @@ impl Refusal {
             Self::LowContrast => "low_contrast",
             Self::AtBorder => "at_border",
             Self::Crowded => "crowded",
+            Self::OtherColor => "other_color",
             Self::NotPersistent => "not_persistent",
         }
     }
@@ -105,6 +112,8 @@ pub const MAX_REFUSED: usize = 64;
 pub enum Detector {
     /// Markers of one hue, located to a fraction of a pixel.
     Color(ColorOptions),
+    /// LEDs in the dark.
+    Beacon(BeaconOptions),
     /// The seed's method for markers.
     Thesis,
     /// Silhouettes, without markers.
@@ -122,9 +131,17 @@ impl Detector {
     #[must_use]
     pub const fn wanted(&self) -> Wanted {
         match self {
-            Self::Color(_) => Wanted::Native,
+            Self::Color(_) | Self::Beacon(_) => Wanted::Native,
             Self::Thesis | Self::Edge(_) => Wanted::Rgb,
         }
+    }
+}
+
+impl Detector {
+    /// Whether a centroid's area is that of the marker's image. Light that blooms is not.
+    #[must_use]
+    pub const fn measures_area(&self) -> bool {
+        !matches!(self, Self::Beacon(_))
     }
 }
 
@@ -133,6 +150,7 @@ impl Detector {
 pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {
     let mut detection = match detector {
         Detector::Color(options) => color::detect(frame, region, options),
+        Detector::Beacon(options) => beacon::detect(frame, region, options),
         Detector::Thesis => thesis::detect(frame, region),
         Detector::Edge(options) => edge::detect(frame, region, options),
     };

@@ -102,7 +102,11 @@ pub fn estimate(
     let blobs: Vec<Blob> = detection
         .centroids
         .iter()
-        .map(|c| Blob { pixel: c.pixel, sigma_px: c.sigma_px, area_px: Some(c.area_px) })
+        .map(|c| Blob {
+            pixel: c.pixel,
+            sigma_px: c.sigma_px,
+            area_px: options.detector.measures_area().then_some(c.area_px),
+        })
         .collect();
     let claims = joint::claims(camera, targets, &blobs, options.max_instances, &options.identify);
     on_stage(Stage::Identify);

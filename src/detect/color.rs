@@ -1,21 +1,14 @@
 //! The default detector for coloured markers.
 //!
 //! Each pixel gets a score: how far its chroma reaches into the sector of the marker's hue. The score grows with the light,
-//! not with whiteness, and is zero for everything gray. Blobs are then sought level by level, so that a marker is found on a
-//! reddish ground as well as on a gray one, each is cut at half its own height, and shape and size decide.
-//!
-//! What holds for every blob: its threshold is its own (half way between its surroundings and its top), so dim and bright
-//! markers of one frame are found alike.
+//! not with whiteness, and is zero for everything gray. Its blobs are the candidates; each is then located in luma and chroma
+//! together.
 
-mod blob;
 mod hue;
-mod levels;
 mod score;
 
-use nalgebra::Matrix2;
-
-use super::locate::{Located, Seed, locate};
-use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame};
+use super::Detection;
+use super::blob::{self, BlobOptions};
 use crate::frame::{Frame, Region};
 
 pub use hue::{HueRange, NAMED_HUES};
@@ -60,43 +53,21 @@ pub fn detect(frame: &Frame, region: Region, options: &ColorOptions) -> Detectio
     let Some(score) = score::score(frame, region, &options.hue) else {
         return Detection::default();
     };
-    let picture = blob::Picture {
-        score: &score,
-        width: region.width,
-        height: region.height,
-        coding: frame.coding(),
-        frame_area: f64::from(frame.width()) * f64::from(frame.height()),
+    let blobs = BlobOptions {
+        min_contrast: options.min_contrast,
+        min_area_px: options.min_area_px,
+        max_area_ratio: options.max_area_ratio,
+        max_elongation: options.max_elongation,
+        min_fill: options.min_fill,
+        max_centroids: options.max_centroids,
     };
-    let levels::Found { mut markers, mut refused } = levels::search(&picture, options);
-    markers.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
-    refused.extend(markers.drain(options.max_centroids.min(markers.len())..).map(|(extra, _)| Refused {
-        pixel: extra.pixel,
-        area_px: extra.area_px,
-        bounds: extra.bounds,
-        reason: Refusal::Crowded,
-    }));
-    for refused in &mut refused {
-        refused.pixel = in_frame(region, refused.pixel.x, refused.pixel.y);
-        refused.bounds = bounds_in_frame(region, refused.bounds);
-    }
-    let direction = options.hue.direction();
-    let located = |(centroid, moments): (Centroid, Matrix2<f64>)| {
-        let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
-        let seed = Seed { pixel, moments, sigma_px: centroid.sigma_px };
-        let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
-        locate(frame, &seed, Some(direction)).map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid {
-            pixel,
-            sigma_px,
-            area_px,
-            ..rough
-        })
-    };
-    Detection { centroids: markers.into_iter().map(located).collect(), refused }
+    blob::detect(frame, region, &score, frame.coding(), Some(options.hue.direction()), &blobs)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::detect::Refusal;
     use crate::frame::{Coding, Pixels};
 
     const GRAY: [f64; 3] = [120.0, 124.0, 128.0];

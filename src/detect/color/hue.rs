@@ -39,13 +39,13 @@ impl HueRange {
     }
 
     /// The direction of the sector's middle in the plane of (Cb, Cr), a unit vector.
-    pub(super) fn direction(&self) -> Vector2<f64> {
+    pub(in crate::detect) fn direction(&self) -> Vector2<f64> {
         chroma_direction(self.centre_deg)
     }
 
     /// Two vectors in the plane of (Cb, Cr) such that the smaller of the two products with a pixel's chroma is the chroma's
     /// length where its hue is the sector's middle, falls to zero at the sector's edges, and is negative outside.
-    pub(super) fn edges(&self) -> [Vector2<f64>; 2] {
+    pub(in crate::detect) fn edges(&self) -> [Vector2<f64>; 2] {
         let middle = chroma_direction(self.centre_deg);
         [self.half_width_deg, -self.half_width_deg].map(|offset| {
             let edge = chroma_direction(self.centre_deg + offset);

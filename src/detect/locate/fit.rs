@@ -76,7 +76,7 @@ fn start(patch: &Patch, seed: &Seed, matrix: Matrix2<f64>) -> Model {
             luma: Vector4::new(light(inside.luma) - ground, ground, 0.0, 0.0),
             chroma: Vector2::new(inside.chroma - outside.chroma, outside.chroma),
         },
-        noise: Noise { luma: patch.noise[0].max(MIN_NOISE), chroma: patch.noise[1].max(MIN_NOISE) },
+        noise: Noise { luma: patch.noise[0].max(MIN_NOISE), chroma: patch.noise[1].hypot(patch.min_chroma_noise) },
     }
 }
 
@@ -100,5 +100,5 @@ fn relit(model: &mut Model, patch: &Patch, sums: &Sums) {
     let step = (pull - expected * (model.ellipse.ln_blur - LN_BLUR)) / (information + expected);
     model.ellipse.ln_blur = (model.ellipse.ln_blur + step.clamp(-0.5, 0.5)).clamp(-3.0, 4.0);
     model.noise =
-        Noise { luma: sums.noise.luma.max(MIN_NOISE), chroma: sums.noise.chroma.max(MIN_NOISE) };
+        Noise { luma: sums.noise.luma.max(MIN_NOISE), chroma: sums.noise.chroma.hypot(patch.min_chroma_noise) };
 }

@@ -49,11 +49,6 @@ impl Lanes {
     }
 
     #[inline(always)]
-    pub(super) fn least(self, other: Self) -> Self {
-        self.both(other, |x, y| if x < y { x } else { y })
-    }
-
-    #[inline(always)]
     pub(super) fn sum(self) -> f64 {
         let [a, b, c, d, e, f, g, h] = self.0;
         f64::from((a + b) + (c + d)) + f64::from((e + f) + (g + h))

@@ -46,12 +46,15 @@ pub(super) struct Sums {
 pub(super) const FULL: f64 = 255.0;
 
 /// The part of an edge's height by which optics, sampling and coding bend it away from the model, as a standard deviation.
-/// Demosaicing lets the height of chroma show in luma.
 const EDGE_ERROR: f32 = 0.03;
-const CHROMA_IN_LUMA: f32 = 0.7;
+
+/// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
+const CHROMA_IN_LUMA: f32 = 1.4;
+
 
 /// Residuals beyond this many standard deviations belong to something else.
 const LIMIT: f32 = 8.0;
+
 
 /// The share of a pixel's light that the ellipse gives, and its derivatives.
 struct Cover {

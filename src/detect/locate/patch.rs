@@ -32,6 +32,8 @@ pub(super) struct Patch {
     pub chroma_blur: f64,
     /// The part of a pixel's chroma that is its own.
     pub chroma_share: f64,
+    /// Least deviation of chroma that coding leaves.
+    pub min_chroma_noise: f64,
     /// Medians within the rim and beyond it.
     pub inside: Levels,
     pub outside: Levels,
@@ -45,9 +47,17 @@ pub(super) struct Levels {
     pub chroma: f64,
 }
 
-/// How far from the rim pixels are looked at, px.
-const INWARDS_PX: f64 = 4.0;
-const OUTWARDS_PX: f64 = 4.5;
+/// How far from the rim pixels are looked at, px. What is within belongs to the marker; outwards other things begin.
+const INWARDS_PX: f64 = 6.0;
+const OUTWARDS_PX: f64 = 3.5;
+
+/// Where four pixels share a sample of chroma: the variance of that blur, px^2, and the part of a pixel's chroma that is its
+/// own. That is more than a quarter, as the noise is not the limit.
+const SHARED_BLUR: f64 = 1.5;
+const OWN_SHARE: f64 = 0.4;
+
+/// Deviation of chroma for each unit of its quantization step.
+const CODING_NOISE: f64 = 0.3;
 
 #[derive(Clone, Copy)]
 struct Sample {
@@ -106,8 +116,9 @@ impl Patch {
             octets,
             starts,
             has_chroma,
-            chroma_blur: if reduced { 1.0 } else { 0.0 },
-            chroma_share: if reduced { 0.25 } else { 1.0 },
+            chroma_blur: if reduced { SHARED_BLUR } else { 0.0 },
+            chroma_share: if reduced { OWN_SHARE } else { 1.0 },
+            min_chroma_noise: CODING_NOISE * frame.coding().chroma_step,
             inside,
             outside,
             noise,

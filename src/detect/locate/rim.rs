@@ -44,7 +44,7 @@ impl Trust {
 }
 
 /// How finely a sector of the rim is drawn at best, px: luma, and chroma.
-pub(super) const LUMA_FLOOR_PX: f64 = 0.02;
+pub(super) const LUMA_FLOOR_PX: f64 = 0.04;
 pub(super) const CHROMA_FLOOR_PX: f64 = 0.06;
 
 impl Rim {

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use crate::detect::gray::Gray;
 use crate::detect::median::Window;
-use crate::detect::{self, ColorOptions, Detector, EdgeOptions, HueRange};
+use crate::detect::{self, BeaconOptions, ColorOptions, Detector, EdgeOptions, HueRange};
 use crate::shell::fault::Fault;
 
 /// The detector and its options. What is left out has its default.
@@ -19,27 +19,28 @@ pub struct DetectorWire {
     /// the seed's numbers, and each may be changed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
-    /// `color`: the markers' colour: red, orange, yellow, green, cyan, blue or magenta. Red if left out.
+    /// `color`, `beacon`: the markers' colour: red, orange, yellow, green, cyan, blue or magenta. If left out, red for `color`, any
+    /// for `beacon`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<String>,
-    /// `color`: the markers' hues instead of a named colour: from, to in degrees of the HSV circle (0 red, 120 green, 240 blue), at
+    /// `color`, `beacon`: the markers' hues instead of a named colour: from, to in degrees of the HSV circle (0 red, 120 green, 240 blue), at
     /// most 120 apart; across 0 as in [340, 20].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hue_range_deg: Option<[f64; 2]>,
-    /// `color`: chroma, of 255, by which a marker must stand out from what surrounds it.
+    /// `color`: chroma, of 255, by which a marker must stand out from what surrounds it; `beacon`: luma, of 255.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_contrast: Option<f64>,
     /// Smallest area, px. `edge`: of the edges that hang together, their area as Matlab's `bwarea` has it, and it must be more
     /// than this; 10 if left out, 210 in the preset `thesis`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_area_px: Option<f64>,
-    /// `color`: largest area as a share of the frame.
+    /// `color`, `beacon`: largest area as a share of the frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_area_ratio: Option<f64>,
-    /// `color`: largest ratio of length to width.
+    /// `color`, `beacon`: largest ratio of length to width.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_elongation: Option<f64>,
-    /// `color`: smallest ratio of the area to that of the ellipse of the same moments: 1 for a disc however tilted, 0.83 for a
+    /// `color`, `beacon`: smallest ratio of the area to that of the ellipse of the same moments: 1 for a disc however tilted, 0.83 for a
     /// triangle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_fill: Option<f64>,
@@ -88,6 +89,8 @@ pub enum Method {
     /// Markers of one colour.
     #[default]
     Color,
+    /// LEDs on a dark ground, of any colour or of one.
+    Beacon,
     /// Things without markers, by their edges against the sky: gray, median, Sobel's gradient, threshold, connected edges of some
     /// area. It finds where something is, not how it is turned, and not what it is.
     Edge,
@@ -122,6 +125,7 @@ impl TryFrom<&DetectorWire> for Detector {
         ];
         let (method, foreign): (_, &[_]) = match wire.method {
             Method::Color => ("color", &of_edge),
+            Method::Beacon => ("beacon", &of_edge),
             Method::Edge => ("edge", &of_color),
         };
         if let Some((name, _)) = foreign.iter().find(|(_, is_given)| *is_given) {
@@ -138,6 +142,10 @@ impl TryFrom<&DetectorWire> for Detector {
                 Ok(Self::Thesis)
             }
             (Method::Color, _) => color_of(wire).map(Self::Color),
+            (Method::Beacon, Some(Preset::Thesis)) => {
+                Err(Fault::senseless("/preset", "the seed thesis has no method for beacons"))
+            }
+            (Method::Beacon, _) => beacon_of(wire).map(Self::Beacon),
         }
     }
 }
@@ -146,6 +154,20 @@ fn color_of(wire: &DetectorWire) -> Result<ColorOptions, Fault> {
     let default = ColorOptions::default();
     Ok(ColorOptions {
         hue: hue_of(wire)?,
+        min_contrast: within("min_contrast", wire.min_contrast, default.min_contrast, [1.0, 255.0])?,
+        min_area_px: within("min_area_px", wire.min_area_px, default.min_area_px, [1.0, 1e9])?,
+        max_area_ratio: within("max_area_ratio", wire.max_area_ratio, default.max_area_ratio, [1e-6, 1.0])?,
+        max_elongation: within("max_elongation", wire.max_elongation, default.max_elongation, [1.0, 1e3])?,
+        min_fill: within("min_fill", wire.min_fill, default.min_fill, [0.0, 1.0])?,
+        max_centroids: count_of(wire, default.max_centroids)?,
+    })
+}
+
+fn beacon_of(wire: &DetectorWire) -> Result<BeaconOptions, Fault> {
+    let default = BeaconOptions::default();
+    let any_color = wire.color.is_none() && wire.hue_range_deg.is_none();
+    Ok(BeaconOptions {
+        hue: if any_color { None } else { Some(hue_of(wire)?) },
         min_contrast: within("min_contrast", wire.min_contrast, default.min_contrast, [1.0, 255.0])?,
         min_area_px: within("min_area_px", wire.min_area_px, default.min_area_px, [1.0, 1e9])?,
         max_area_ratio: within("max_area_ratio", wire.max_area_ratio, default.max_area_ratio, [1e-6, 1.0])?,

@@ -79,7 +79,7 @@ pub struct RefusedWire {
     /// x, y, width, height of the pixels that it spans.
     pub box_px: [u32; 4],
     /// What speaks against it: `too_small`, `too_large`, `elongated`, `ragged`, `low_contrast`, `at_border`,
-    /// `crowded`, `not_persistent`.
+    /// `crowded`, `other_color`, `not_persistent`.
     pub reason: String,
 }
 

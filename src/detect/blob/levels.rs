@@ -6,8 +6,7 @@
 
 use nalgebra::Matrix2;
 
-use super::ColorOptions;
-use super::blob::{Picture, Verdict, examine};
+use super::{BlobOptions, Picture, Verdict, examine};
 use crate::detect::components::{Components, Connectivity, area, bounds};
 use crate::detect::{Centroid, Refused};
 use crate::frame::Region;
@@ -26,7 +25,7 @@ pub(super) struct Found {
     pub refused: Vec<Refused>,
 }
 
-pub(super) fn search(picture: &Picture<'_>, options: &ColorOptions) -> Found {
+pub(super) fn search(picture: &Picture<'_>, options: &BlobOptions) -> Found {
     let mut found = Found::default();
     let mut windows = vec![picture.window()];
     let mut level = (0.5 * options.min_contrast).max(1.0);

@@ -1,14 +1,73 @@
-//! One component: is it a marker, and where exactly?
+//! Blobs of a score: is a component a marker, and where is it?
+//!
+//! Blobs are sought level by level, so that a marker is found on a ground of its own colour as well as on any other; each is
+//! cut at half its own height, and shape and size decide. So dim and bright markers of one frame are found alike.
+
+mod levels;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::ColorOptions;
-use crate::detect::components::{Components, Connectivity, Run, area, bounds, mean_position};
-use crate::detect::{Centroid, Refusal};
-use crate::frame::{ChromaSampling, Coding, Region};
+use super::components::{Components, Connectivity, Run, area, bounds, mean_position};
+use super::locate::{Located, Seed, locate};
+use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame};
+use crate::frame::{ChromaSampling, Coding, Frame, Region};
+
+/// What counts as a blob.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BlobOptions {
+    /// Score by which it must stand out from what surrounds it.
+    pub min_contrast: f64,
+    /// Smallest area, px.
+    pub min_area_px: f64,
+    /// Largest area as a share of the frame.
+    pub max_area_ratio: f64,
+    /// Largest ratio of length to width.
+    pub max_elongation: f64,
+    /// Smallest ratio of the area to that of the ellipse of the same moments.
+    pub min_fill: f64,
+    /// Most centroids returned.
+    pub max_centroids: usize,
+}
+
+/// The blobs of a score over `region`, the best first; `chroma` is the direction of their hue, for those located by it, too.
+pub(super) fn detect(
+    frame: &Frame,
+    region: Region,
+    score: &[u8],
+    coding: Coding,
+    chroma: Option<Vector2<f64>>,
+    options: &BlobOptions,
+) -> Detection {
+    let picture = Picture {
+        score,
+        width: region.width,
+        height: region.height,
+        coding,
+        frame_area: f64::from(frame.width()) * f64::from(frame.height()),
+    };
+    let levels::Found { mut markers, mut refused } = levels::search(&picture, options);
+    markers.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
+    refused.extend(markers.drain(options.max_centroids.min(markers.len())..).map(|(extra, _)| Refused {
+        pixel: extra.pixel,
+        area_px: extra.area_px,
+        bounds: extra.bounds,
+        reason: Refusal::Crowded,
+    }));
+    for refused in &mut refused {
+        refused.pixel = in_frame(region, refused.pixel.x, refused.pixel.y);
+        refused.bounds = bounds_in_frame(region, refused.bounds);
+    }
+    let located = |(centroid, moments): (Centroid, Matrix2<f64>)| {
+        let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
+        let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
+        let exact = locate(frame, &Seed { pixel, moments, sigma_px: centroid.sigma_px }, chroma);
+        exact.map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
+    };
+    Detection { centroids: markers.into_iter().map(located).collect(), refused }
+}
 
 /// The scores of a region.
-pub(super) struct Picture<'a> {
+struct Picture<'a> {
     pub score: &'a [u8],
     pub width: u32,
     pub height: u32,
@@ -19,11 +78,11 @@ pub(super) struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    pub(super) const fn window(&self) -> Region {
+    const fn window(&self) -> Region {
         Region { x: 0, y: 0, width: self.width, height: self.height }
     }
 
-    pub(super) fn run(&self, run: &Run) -> &[u8] {
+    fn run(&self, run: &Run) -> &[u8] {
         let row = run.y as usize * self.width as usize;
         &self.score[row + run.start as usize..row + run.end as usize]
     }
@@ -42,7 +101,7 @@ impl Picture<'_> {
     }
 }
 
-pub(super) enum Verdict {
+enum Verdict {
     /// A centroid, and the second moments of its area, px^2.
     Marker(Centroid, Matrix2<f64>),
     /// Not as it is; parts of it may be.
@@ -58,7 +117,7 @@ struct Heights {
     noise: f64,
 }
 
-pub(super) fn examine(picture: &Picture<'_>, runs: &[Run], options: &ColorOptions) -> Verdict {
+fn examine(picture: &Picture<'_>, runs: &[Run], options: &BlobOptions) -> Verdict {
     let whole = bounds(runs);
     let pixels = area(runs) as f64;
     if pixels > 2.0 * options.max_area_ratio * picture.frame_area {
@@ -154,7 +213,7 @@ impl<'a> Shape<'a> {
         self.area / (4.0 * std::f64::consts::PI * self.extents[0] * self.extents[1]).max(1e-9)
     }
 
-    fn refusal(&self, picture: &Picture<'_>, options: &ColorOptions) -> Option<Refusal> {
+    fn refusal(&self, picture: &Picture<'_>, options: &BlobOptions) -> Option<Refusal> {
         let (left, top) = (self.bounds.x, self.bounds.y);
         let (right, bottom) = (left + self.bounds.width, top + self.bounds.height);
         if self.area < options.min_area_px || self.core.len() < 2 {

@@ -1,0 +1,174 @@
+//! LEDs on a dark ground.
+//!
+//! An LED that outshines the scene is white in its middle, whatever its colour, and colour is left only in its halo. So luma
+//! finds and locates it, and colour, where one is asked for, only decides whether it is one of ours.
+
+use nalgebra::Vector2;
+
+use super::blob::{self, BlobOptions};
+use super::{Centroid, Detection, HueRange, Refusal, Refused};
+use crate::frame::color::ycbcr_of_rgb;
+use crate::frame::{ChromaSampling, Coding, Frame, Pixels, Region};
+
+/// What counts as an LED.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeaconOptions {
+    /// The hue of its halo; `None` for light of any colour.
+    pub hue: Option<HueRange>,
+    /// Luma, of 255, by which it must stand out from what surrounds it.
+    pub min_contrast: f64,
+    /// Smallest area, px. Even the image of a point has more, as the lens blurs it.
+    pub min_area_px: f64,
+    /// Largest area as a share of the frame.
+    pub max_area_ratio: f64,
+    /// Largest ratio of length to width: motion draws out what is small.
+    pub max_elongation: f64,
+    /// Smallest ratio of the area to that of the ellipse of the same moments.
+    pub min_fill: f64,
+    /// Most centroids returned.
+    pub max_centroids: usize,
+}
+
+impl Default for BeaconOptions {
+    fn default() -> Self {
+        Self {
+            hue: None,
+            min_contrast: 30.0,
+            min_area_px: 2.0,
+            max_area_ratio: 0.01,
+            max_elongation: 8.0,
+            min_fill: 0.8,
+            max_centroids: 64,
+        }
+    }
+}
+
+/// Chroma, of 255, that a halo must have before its hue counts for anything.
+const MIN_CHROMA: f64 = 4.0;
+
+/// The LEDs in `region`, the best first.
+#[must_use]
+pub fn detect(frame: &Frame, region: Region, options: &BeaconOptions) -> Detection {
+    let luma = luma(frame, region);
+    let blobs = BlobOptions {
+        min_contrast: options.min_contrast,
+        min_area_px: options.min_area_px,
+        max_area_ratio: options.max_area_ratio,
+        max_elongation: options.max_elongation,
+        min_fill: options.min_fill,
+        // Those of another colour are still among them.
+        max_centroids: if options.hue.is_some() { usize::MAX } else { options.max_centroids },
+    };
+    // Luma is sampled at every pixel, whatever happened to the colours.
+    let coding = Coding { chroma: ChromaSampling::Full, ..frame.coding() };
+    let mut found = blob::detect(frame, region, &luma, coding, None, &blobs);
+    if let Some(hue) = &options.hue {
+        let (ours, others): (Vec<_>, Vec<_>) = found.centroids.into_iter().partition(|c| is_of(frame, c, hue));
+        found.centroids = ours;
+        found.refused.extend(others.iter().map(|c| refused(c, Refusal::OtherColor)));
+        let extra = found.centroids.split_off(options.max_centroids.min(found.centroids.len()));
+        found.refused.extend(extra.iter().map(|c| refused(c, Refusal::Crowded)));
+    }
+    found
+}
+
+const fn refused(centroid: &Centroid, reason: Refusal) -> Refused {
+    Refused { pixel: centroid.pixel, area_px: centroid.area_px, bounds: centroid.bounds, reason }
+}
+
+/// Luma of the region's pixels, rows without padding.
+fn luma(frame: &Frame, region: Region) -> Vec<u8> {
+    let mut all = Vec::with_capacity(region.area());
+    for y in region.y..region.y + region.height {
+        let start = y as usize * frame.width() as usize + region.x as usize;
+        let end = start + region.width as usize;
+        match frame.pixels() {
+            Pixels::Luma(s) => all.extend_from_slice(&s[start..end]),
+            Pixels::YCbCr(s) => all.extend(s[3 * start..3 * end].as_chunks::<3>().0.iter().map(|[y, ..]| *y)),
+            Pixels::Rgb(s) => {
+                all.extend(s[3 * start..3 * end].as_chunks::<3>().0.iter().map(|rgb| ycbcr_of_rgb(*rgb)[0]));
+            }
+        }
+    }
+    all
+}
+
+/// Whether the light in and around the centroid's bounds has the hue. A frame without colour has none.
+fn is_of(frame: &Frame, centroid: &Centroid, hue: &HueRange) -> bool {
+    let bounds = centroid.bounds;
+    let (right, bottom) = (bounds.x + bounds.width, bounds.y + bounds.height);
+    let mut sum = Vector2::zeros();
+    let mut count = 0.0;
+    for y in bounds.y.saturating_sub(2)..(bottom + 2).min(frame.height()) {
+        for x in bounds.x.saturating_sub(2)..(right + 2).min(frame.width()) {
+            let index = 3 * (y as usize * frame.width() as usize + x as usize);
+            let [_, cb, cr] = match frame.pixels() {
+                Pixels::Luma(_) => return false,
+                Pixels::YCbCr(s) => [s[index], s[index + 1], s[index + 2]],
+                Pixels::Rgb(s) => ycbcr_of_rgb([s[index], s[index + 1], s[index + 2]]),
+            };
+            sum += Vector2::new(f64::from(cb) - 128.0, f64::from(cr) - 128.0);
+            count += 1.0;
+        }
+    }
+    hue.edges().iter().all(|edge| edge.dot(&sum) > MIN_CHROMA * count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lights in a dark picture of 120 x 90 px, each a Gaussian spot that may outshine the sensor.
+    fn night(lights: &[([f64; 2], f64, [f64; 3])]) -> Frame {
+        let pixel = |x: u32, y: u32| {
+            let mut sum = [9.0, 9.0, 12.0];
+            for ([u, v], peak, colour) in lights {
+                let off = ((f64::from(x) - u).powi(2) + (f64::from(y) - v).powi(2)) / (2.0 * 1.1 * 1.1);
+                sum.iter_mut().zip(colour).for_each(|(sum, colour)| *sum += peak * colour * (-off).exp());
+            }
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a colour")]
+            sum.map(|value| value.min(255.0).round() as u8)
+        };
+        let samples = (0..90).flat_map(|y| (0..120).flat_map(move |x| pixel(x, y))).collect();
+        Frame::checked(120, 90, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a frame")
+    }
+
+    const RED: [f64; 3] = [1.0, 0.25, 0.2];
+    const WHITE: [f64; 3] = [1.0, 0.95, 0.9];
+
+    #[test]
+    fn dim_and_outshining_lights_are_found_where_they_are() {
+        for peak in [90.0, 250.0, 900.0, 2500.0] {
+            for at in [[40.0, 50.0], [61.37, 30.81], [70.5, 44.25]] {
+                let found = detect(&frame_of(at, peak), Region { x: 0, y: 0, width: 120, height: 90 }, &BeaconOptions::default());
+                let [centroid] = found.centroids[..] else { panic!("{peak} {at:?}: {found:?}") };
+                let error = (centroid.pixel.x - at[0]).hypot(centroid.pixel.y - at[1]);
+                assert!(error < 3.0 * centroid.sigma_px && error < 0.06, "{peak} {at:?}: {error} {centroid:?}");
+            }
+        }
+    }
+
+    fn frame_of(at: [f64; 2], peak: f64) -> Frame {
+        night(&[(at, peak, RED)])
+    }
+
+    #[test]
+    fn a_hue_leaves_out_lights_of_other_colours_even_where_both_are_white_in_the_middle() {
+        let frame = night(&[([30.2, 40.6], 1500.0, RED), ([80.7, 45.1], 1500.0, WHITE)]);
+        assert_eq!(detect(&frame, frame.full(), &BeaconOptions::default()).centroids.len(), 2);
+        let red = BeaconOptions { hue: Some(HueRange::RED), ..BeaconOptions::default() };
+        let found = detect(&frame, frame.full(), &red);
+        assert_eq!(found.centroids.len(), 1, "{found:?}");
+        assert!((found.centroids[0].pixel.x - 30.2).abs() < 0.1, "{found:?}");
+        assert_eq!(found.refused.iter().map(|r| r.reason).collect::<Vec<_>>(), [Refusal::OtherColor]);
+    }
+
+    #[test]
+    fn a_dark_frame_and_a_lit_wall_hold_no_lights() {
+        let empty = night(&[]);
+        assert_eq!(detect(&empty, empty.full(), &BeaconOptions::default()).centroids, []);
+        let wall = (0..90 * 120).map(|i| if i % 120 < 60 { 20 } else { 200 }).collect();
+        let wall = Frame::checked(120, 90, Pixels::Luma(wall), Coding::LOSSLESS).expect("a frame");
+        assert_eq!(detect(&wall, wall.full(), &BeaconOptions::default()).centroids, []);
+    }
+}
