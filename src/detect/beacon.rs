@@ -140,7 +140,11 @@ mod tests {
     fn dim_and_outshining_lights_are_found_where_they_are() {
         for peak in [90.0, 250.0, 900.0, 2500.0] {
             for at in [[40.0, 50.0], [61.37, 30.81], [70.5, 44.25]] {
-                let found = detect(&frame_of(at, peak), Region { x: 0, y: 0, width: 120, height: 90 }, &BeaconOptions::default());
+                let found = detect(
+                    &frame_of(at, peak),
+                    Region { x: 0, y: 0, width: 120, height: 90 },
+                    &BeaconOptions::default(),
+                );
                 let [centroid] = found.centroids[..] else { panic!("{peak} {at:?}: {found:?}") };
                 let error = (centroid.pixel.x - at[0]).hypot(centroid.pixel.y - at[1]);
                 assert!(error < 3.0 * centroid.sigma_px && error < 0.06, "{peak} {at:?}: {error} {centroid:?}");

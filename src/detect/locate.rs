@@ -44,3 +44,151 @@ pub struct Located {
 pub fn locate(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
     fit::fit(frame, seed, chroma)
 }
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+    use crate::frame::{Coding, Pixels};
+    use crate::random;
+
+    const GRAY: [f64; 3] = [150.0, 154.0, 158.0];
+    const RED: [f64; 3] = [190.0, 40.0, 35.0];
+
+    /// A tilted disc through a lens, sampled by 6 x 6 rays a pixel, with noise of 1.5 levels; `paint` may put something over
+    /// the ground, `over` something over the disc.
+    struct Scene<'a> {
+        centre: Vector2<f64>,
+        axes: Vector2<f64>,
+        turn: f64,
+        ground: &'a dyn Fn(Vector2<f64>) -> [f64; 3],
+        over: &'a dyn Fn(Vector2<f64>) -> bool,
+    }
+
+    impl Scene<'_> {
+        fn colour(&self, at: Vector2<f64>) -> [f64; 3] {
+            let (sine, cosine) = self.turn.sin_cos();
+            let q = at - self.centre;
+            let (a, b) = ((cosine * q.x + sine * q.y) / self.axes.x, (cosine * q.y - sine * q.x) / self.axes.y);
+            if a * a + b * b <= 1.0 && !(self.over)(at) { RED } else { (self.ground)(at) }
+        }
+
+        fn frame(&self, rng: &mut impl rand::Rng) -> Frame {
+            let mut samples = Vec::new();
+            for y in 0..60 {
+                for x in 0..60 {
+                    let mut sum = [0.0; 3];
+                    let mut weights = 0.0;
+                    for i in 0..144 {
+                        // Rays over two pixels around the pixel's middle, weighted as a lens does.
+                        let off = Vector2::new(f64::from(i % 12) - 5.5, f64::from(i / 12) - 5.5) / 4.0;
+                        let weight = (-off.norm_squared() / (2.0 * 0.36)).exp();
+                        let colour = self.colour(Vector2::new(f64::from(x), f64::from(y)) + off);
+                        // Light, not codes, is what mixes.
+                        sum.iter_mut().zip(colour).for_each(|(sum, c)| *sum += weight * c * c);
+                        weights += weight;
+                    }
+                    samples.extend(sum.map(|sum| {
+                        let noise: f64 = StandardNormal.sample(rng);
+                        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a colour")]
+                        let code = ((sum / weights).sqrt() + 1.5 * noise).round().clamp(0.0, 255.0) as u8;
+                        code
+                    }));
+                }
+            }
+            Frame::checked(60, 60, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a frame")
+        }
+
+        /// As a detector may find it: off by some part of a pixel.
+        fn seed(&self, off: Vector2<f64>) -> Seed {
+            let axis = Vector2::new(self.turn.cos(), self.turn.sin());
+            let along = axis * axis.transpose();
+            let [a, b] = [0.25 * self.axes.x.powi(2), 0.25 * self.axes.y.powi(2)];
+            Seed { pixel: self.centre + off, moments: along * a + (Matrix2::identity() - along) * b, sigma_px: 0.2 }
+        }
+    }
+
+    const HUE: Option<Vector2<f64>> = Some(Vector2::new(-0.31, 0.95));
+
+    fn plain(_: Vector2<f64>) -> [f64; 3] {
+        GRAY
+    }
+
+    fn nothing(_: Vector2<f64>) -> bool {
+        false
+    }
+
+    #[test]
+    fn places_are_within_their_deviations_and_areas_right() {
+        let mut rng = random::named("located discs");
+        let mut squares = Vec::new();
+        for index in 0..120_u32 {
+            let i = f64::from(index);
+            let radius = 2.0 + 1.4 * (i % 7.0);
+            let scene = Scene {
+                centre: Vector2::new(29.5 + (0.37 * i).fract(), 30.1 + (0.71 * i).fract()),
+                axes: Vector2::new(radius, radius * (0.5 + 0.5 * (0.13 * i).fract())),
+                turn: i,
+                ground: &plain,
+                over: &nothing,
+            };
+            let frame = scene.frame(&mut rng);
+            let off = Vector2::new((0.53 * i).fract() - 0.5, (0.29 * i).fract() - 0.5) * 0.4;
+            let found = locate(&frame, &scene.seed(off), HUE).unwrap_or_else(|| panic!("{index}: not located"));
+            let error = (found.pixel - scene.centre).norm();
+            assert!(error < 0.15, "{index}: {error} {found:?}");
+            squares.push(0.5 * (error / found.sigma_px).powi(2));
+            let area = std::f64::consts::PI * scene.axes.x * scene.axes.y;
+            // A small one hides in its blur.
+            assert!((found.area_px / area - 1.0).abs() < 0.1 + 3.0 / area, "{index}: {} of {area}", found.area_px);
+        }
+        // 240 coordinates: chance moves the mean by 0.09. The deviation holds what coding and optics add to a clean scene's
+        // noise, so it may be the larger, but not by more than twice.
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        assert!((0.2..1.3).contains(&mean), "{mean}");
+    }
+
+    #[test]
+    fn what_touches_the_rim_does_not_move_the_place() {
+        let mut rng = random::named("lines at discs");
+        let centre = Vector2::new(30.3, 29.6);
+        // A dark line along the rim, and the corner of something that hides a part.
+        let line = |at: Vector2<f64>| if (at.y - 37.4).abs() < 0.8 { GRAY.map(|c| 0.7 * c) } else { GRAY };
+        let corner = |at: Vector2<f64>| at.x > 34.0 && at.y > 34.0;
+        for (name, ground, over) in [
+            ("line", &line as &dyn Fn(Vector2<f64>) -> [f64; 3], &nothing as &dyn Fn(Vector2<f64>) -> bool),
+            ("corner", &plain, &corner),
+        ] {
+            let mut sum = 0.0;
+            for _ in 0..10 {
+                let scene = Scene { centre, axes: Vector2::new(8.0, 7.5), turn: 0.3, ground, over };
+                let frame = scene.frame(&mut rng);
+                let found = locate(&frame, &scene.seed(Vector2::zeros()), HUE).expect("located");
+                let error = (found.pixel - centre).norm();
+                assert!(error < 0.11, "{name}: {error} {found:?}");
+                sum += error * error;
+            }
+            assert!(sum < 10.0 * 0.07 * 0.07, "{name}: {}", (sum / 10.0).sqrt());
+        }
+    }
+
+    #[test]
+    fn where_there_is_no_ellipse_or_no_room_there_is_no_place() {
+        let mut rng = random::named("no disc");
+        let scene = Scene {
+            centre: Vector2::new(3.0, 30.0),
+            axes: Vector2::new(6.0, 6.0),
+            turn: 0.0,
+            ground: &plain,
+            over: &nothing,
+        };
+        let frame = scene.frame(&mut rng);
+        assert_eq!(locate(&frame, &scene.seed(Vector2::zeros()), HUE), None, "the frame ends within it");
+        let empty = Scene { centre: Vector2::new(30.0, 30.0), over: &|_| true, ..scene };
+        let found = locate(&empty.frame(&mut rng), &empty.seed(Vector2::zeros()), HUE);
+        assert!(found.is_none_or(|found| found.sigma_px > 0.2), "{found:?}");
+        let odd = Seed { pixel: Vector2::new(f64::NAN, 1.0), ..scene.seed(Vector2::zeros()) };
+        assert_eq!(locate(&frame, &odd, HUE), None);
+    }
+}

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Vector2, Vector4};
 
 use super::ellipse::Ellipse;
-use super::pass::{FULL, Light, Model, Noise, Sums, gather};
+use super::pass::{ChromaSums, FULL, Light, Model, Noise, Sums, gather, gather_chroma};
 use super::patch::Patch;
 use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, LUMA_FLOOR_PX, Trust, solved};
 use super::{Located, Seed};
@@ -14,15 +14,18 @@ const LN_BLUR: f64 = -0.4;
 const LN_BLUR_SPREAD: f64 = 1.5;
 
 /// Passes: in the first chroma speaks alone, as it is not misled by what touches the rim.
-const MAX_PASSES: usize = 9;
+const MAX_PASSES: usize = 8;
 const CHROMA_PASSES: usize = 2;
-const MIN_PASSES: usize = 5;
+const MIN_PASSES: usize = 4;
 
 /// Moves shorter than this end the fit, px.
-const SETTLED_PX: f64 = 1e-3;
+const SETTLED_PX: f64 = 4e-3;
 
 /// Eight bits have steps; noise below this is not believed.
 const MIN_NOISE: f64 = 0.5;
+
+/// The rim of what is smaller has too few pixels for some of them to be told from the rest, px.
+const SECTORED_AREA_PX: f64 = 20.0;
 
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
@@ -37,12 +40,20 @@ pub(super) fn fit(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> O
     let mut last = None;
     for pass in 0..MAX_PASSES {
         let sums = gather(&patch, &model);
-        let luma = sums.luma.offsets(LUMA_FLOOR_PX);
-        let colour = patch.has_chroma.then(|| sums.chroma.offsets(CHROMA_FLOOR_PX));
-        let chroma_alone = patch.has_chroma && pass < CHROMA_PASSES;
-        trust = if chroma_alone { Trust::NONE } else { luma.trust(colour.as_ref(), &prior) };
+        let chroma = patch.chroma.as_ref().map(|channel| gather_chroma(&patch, channel, &model));
+        let luma = sums.rim.offsets(LUMA_FLOOR_PX);
+        let colour = chroma.as_ref().map(|chroma| chroma.rim.offsets(CHROMA_FLOOR_PX));
+        let chroma_alone = colour.is_some() && pass < CHROMA_PASSES;
+        trust = match () {
+            () if chroma_alone => Trust::NONE,
+            () if model.ellipse.area_px() < SECTORED_AREA_PX => Trust::FULL,
+            () => luma.trust(colour.as_ref(), &prior),
+        };
         let (mut normal, mut right) = (prior, Form::zeros());
         luma.add_to(&trust, &mut normal, &mut right);
+        if !chroma_alone {
+            without_slopes(&sums, &mut normal, &mut right);
+        }
         if let Some(colour) = &colour {
             colour.add_to(&Trust::FULL, &mut normal, &mut right);
         }
@@ -52,53 +63,69 @@ pub(super) fn fit(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> O
         let next = model.ellipse.moved(&step);
         let moved = (next.centre - model.ellipse.centre).norm();
         model.ellipse = next;
-        relit(&mut model, &patch, &sums);
+        relit(&mut model, &patch, &sums, chroma.as_ref());
         if pass + 1 >= MIN_PASSES && moved < SETTLED_PX {
             break;
         }
     }
     let (normal, kept) = last?;
     let covariance = normal.try_inverse()?;
-    let sigma_px = trust.scatter * (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
+    let random = trust.scatter * (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
+    let sigma_px = random.hypot(patch.floor_px);
     let pixel = model.ellipse.centre + patch.origin;
     let moved = (pixel - seed.pixel).norm();
     let fits = sigma_px.is_finite() && kept > MIN_KEPT && moved < 4.0 * seed.sigma_px + 0.5;
     fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
 }
 
+/// Leaves out of the form's equations what the slopes of the ground explain as well.
+fn without_slopes(sums: &Sums, normal: &mut FormMatrix, right: &mut Form) {
+    let (light, moment) = &sums.light;
+    let slopes: Matrix2<f64> = light.fixed_view::<2, 2>(2, 2).into_owned();
+    let Some(inverse) = slopes.try_inverse() else { return };
+    let share = sums.cross * inverse;
+    let mut corner = normal.fixed_view_mut::<2, 2>(0, 0);
+    corner -= share * sums.cross.transpose();
+    let mut top = right.fixed_rows_mut::<2>(0);
+    top -= share * moment.fixed_rows::<2>(2);
+}
+
 fn start(patch: &Patch, seed: &Seed, matrix: Matrix2<f64>) -> Model {
     let light = |code: f64| code * code / FULL;
-    let (inside, outside) = (patch.inside, patch.outside);
-    let ground = light(outside.luma);
+    let ground = light(patch.luma.outside);
+    let chroma = patch.chroma.as_ref();
     Model {
         ellipse: Ellipse { centre: seed.pixel - patch.origin, matrix, ln_blur: LN_BLUR },
         light: Light {
-            luma: Vector4::new(light(inside.luma) - ground, ground, 0.0, 0.0),
-            chroma: Vector2::new(inside.chroma - outside.chroma, outside.chroma),
+            luma: Vector4::new(light(patch.luma.inside) - ground, ground, 0.0, 0.0),
+            chroma: chroma.map_or_else(Vector2::zeros, |c| Vector2::new(c.inside - c.outside, c.outside)),
         },
-        noise: Noise { luma: patch.noise[0].max(MIN_NOISE), chroma: patch.noise[1].hypot(patch.min_chroma_noise) },
+        noise: Noise {
+            luma: patch.luma.noise.max(MIN_NOISE),
+            chroma: chroma.map_or(MIN_NOISE, |c| c.noise.hypot(patch.min_chroma_noise)),
+        },
     }
 }
 
 /// Light, blur and noise as the pass has them.
-fn relit(model: &mut Model, patch: &Patch, sums: &Sums) {
-    let (mut normal, right) = sums.luma_light;
+fn relit(model: &mut Model, patch: &Patch, sums: &Sums, chroma: Option<&ChromaSums>) {
+    let (mut normal, right) = sums.light;
     for k in 0..4 {
         normal[(k, k)] += 1e-6 * normal[(k, k)] + 1e-9;
     }
     if let Some(factors) = normal.cholesky() {
         model.light.luma += factors.solve(&right);
     }
-    if patch.has_chroma {
-        let (normal, right) = sums.chroma_light;
+    model.noise.luma = sums.noise.max(MIN_NOISE);
+    if let Some(chroma) = chroma {
+        let (normal, right) = chroma.light;
         if let Some(factors) = (normal + Matrix2::identity() * 1e-9).cholesky() {
             model.light.chroma += factors.solve(&right);
         }
+        model.noise.chroma = chroma.noise.hypot(patch.min_chroma_noise);
     }
     let (information, pull) = sums.blur;
     let expected = LN_BLUR_SPREAD.powi(-2);
     let step = (pull - expected * (model.ellipse.ln_blur - LN_BLUR)) / (information + expected);
     model.ellipse.ln_blur = (model.ellipse.ln_blur + step.clamp(-0.5, 0.5)).clamp(-3.0, 4.0);
-    model.noise =
-        Noise { luma: sums.noise.luma.max(MIN_NOISE), chroma: sums.noise.chroma.hypot(patch.min_chroma_noise) };
 }

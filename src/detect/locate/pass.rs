@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
 use super::ellipse::{Ellipse, FORM, LOGISTIC};
 use super::lanes::Lanes;
-use super::patch::{Octet, Patch};
+use super::patch::{Channel, Octet, Patch};
 use super::rim::{Rim, SECTORS};
 
 /// How an ellipse is lit: what the pixels' light is within it and around it.
@@ -30,16 +30,16 @@ pub(super) struct Model {
     pub noise: Noise,
 }
 
-/// Normal equations and what else a pass gathers.
+/// What luma says: normal equations and what else a pass gathers.
 pub(super) struct Sums {
-    pub luma: Rim,
-    pub chroma: Rim,
-    pub luma_light: (Matrix4<f64>, Vector4<f64>),
-    pub chroma_light: (Matrix2<f64>, Vector2<f64>),
+    pub rim: Rim,
+    pub light: (Matrix4<f64>, Vector4<f64>),
+    /// How the ground's slopes (columns) look like moves (rows).
+    pub cross: Matrix2<f64>,
     /// Information and pull of the blur's logarithm.
     pub blur: (f64, f64),
-    /// Mean squares of what no edge explains.
-    pub noise: Noise,
+    /// Deviation of what no edge explains.
+    pub noise: f64,
 }
 
 /// Sensors' codes are close to the square root of light.
@@ -51,10 +51,8 @@ const EDGE_ERROR: f32 = 0.03;
 /// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
 const CHROMA_IN_LUMA: f32 = 1.4;
 
-
 /// Residuals beyond this many standard deviations belong to something else.
 const LIMIT: f32 = 8.0;
-
 
 /// The share of a pixel's light that the ellipse gives, and its derivatives.
 struct Cover {
@@ -167,91 +165,123 @@ impl RimLanes {
     }
 }
 
-/// Looks at every pixel of `patch`.
+/// Looks at every sample of `patch`.
 #[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
 pub(super) fn gather(patch: &Patch, model: &Model) -> Sums {
     let Model { ellipse, light, noise } = model;
-    let (luma_noise, chroma_noise) = (single(noise.luma * noise.luma), single(noise.chroma * noise.chroma));
-    let [height, ground, right, down] = [light.luma.x, light.luma.y, light.luma.z, light.luma.w].map(|l| Lanes::all(single(l)));
-    let (chroma_height, chroma_ground) = (single(light.chroma.x), Lanes::all(single(light.chroma.y)));
-    let mut luma_rim = Rim::default();
-    let mut chroma_rim = Rim::default();
+    let noise_squared = single(noise.luma * noise.luma);
+    let [height, ground, right, down] = light.luma.map(single).map(Lanes::all).into();
+    let mut rim = Rim::default();
     let mut normal = [Lanes::ZERO; 10];
     let mut moment = [Lanes::ZERO; 4];
-    let mut chroma_sums = [Lanes::ZERO; 5];
+    let mut cross = [Lanes::ZERO; 4];
     let (mut blur, mut blur_pull) = (Lanes::ZERO, Lanes::ZERO);
-    let (mut flat, mut luma_flat, mut chroma_flat) = (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO);
+    let (mut flat, mut flat_squares) = (Lanes::ZERO, Lanes::ZERO);
+    let chroma_bend = Lanes::all((CHROMA_IN_LUMA * single(light.chroma.x)).powi(2));
     for sector in 0..SECTORS {
-        let mut luma_here = RimLanes::ZERO;
-        let mut chroma_here = RimLanes::ZERO;
-        for octet in &patch.octets[patch.starts[sector]..patch.starts[sector + 1]] {
+        let mut here = RimLanes::ZERO;
+        for octet in patch.luma.sector(sector) {
             let place = Place::of(octet, ellipse);
             let cover = place.cover(ellipse, 0.0);
             let linear = (height * cover.share + ground + right * octet.x + down * octet.y).max(1.0);
             let code = (linear * Lanes::all(single(FULL))).sqrt();
             // Derivative of the code by the light.
             let gain = Lanes::all(single(0.5 * FULL)) / code;
+            let rise = gain * height;
             let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
-            let bend = edge * ((gain * height) * (gain * height) + Lanes::all((CHROMA_IN_LUMA * chroma_height).powi(2))).sqrt()
-                * Lanes::all(EDGE_ERROR);
-            let luma = said(octet.luma - code, luma_noise, bend, gain * height * cover.by_rim, octet.there);
-            luma_here.add(&luma, &place);
-            let weighted = luma.weight * gain;
+            let bend = edge * (rise * rise + chroma_bend).sqrt() * Lanes::all(EDGE_ERROR);
+            let said = said(octet.value - code, noise_squared, bend, rise * cover.by_rim, octet.there);
+            here.add(&said, &place);
+            let weighted = said.weight * gain;
             let by = [cover.share, Lanes::ONE, octet.x, octet.y];
             let mut index = 0;
             for row in 0..4 {
-                moment[row] += weighted * by[row] * luma.residual;
+                moment[row] += weighted * by[row] * said.residual;
                 for column in row..4 {
                     normal[index] += weighted * gain * by[row] * by[column];
                     index += 1;
                 }
             }
-            let by_blur = gain * height * cover.by_blur;
-            blur += luma.weight * by_blur * by_blur;
-            blur_pull += luma.weight * by_blur * luma.residual;
+            let by_move = weighted * said.by_rim;
+            for (row, normal) in place.form[..2].iter().enumerate() {
+                cross[2 * row] += by_move * *normal * octet.x;
+                cross[2 * row + 1] += by_move * *normal * octet.y;
+            }
+            let by_blur = rise * cover.by_blur;
+            blur += said.weight * by_blur * by_blur;
+            blur_pull += said.weight * by_blur * said.residual;
             let level = octet.there * (Lanes::ONE - edge);
             flat += level;
-            let square = luma.residual * luma.residual;
-            luma_flat += level * square.min(9.0 * luma_noise);
-            if patch.has_chroma {
-                let soft = place.cover(ellipse, patch.chroma_blur);
-                let residual = octet.chroma - Lanes::all(chroma_height) * soft.share - chroma_ground;
-                let edge = Lanes::all(4.0 * EDGE_ERROR * chroma_height) * soft.share * (Lanes::ONE - soft.share);
-                let by_rim = Lanes::all(chroma_height) * soft.by_rim;
-                let mut chroma = said(residual, chroma_noise, edge, by_rim, octet.there);
-                chroma.weight = chroma.weight * Lanes::all(single(patch.chroma_share));
-                chroma_here.add(&chroma, &place);
-                chroma_sums[0] += chroma.weight * soft.share * soft.share;
-                chroma_sums[1] += chroma.weight * soft.share;
-                chroma_sums[2] += chroma.weight;
-                chroma_sums[3] += chroma.weight * soft.share * residual;
-                chroma_sums[4] += chroma.weight * residual;
-                chroma_flat += level * (residual * residual).min(9.0 * chroma_noise);
-            }
+            flat_squares += level * (said.residual * said.residual).min(CUT * CUT * noise_squared);
         }
-        luma_here.into(&mut luma_rim, sector);
-        chroma_here.into(&mut chroma_rim, sector);
+        here.into(&mut rim, sector);
     }
     let n = normal.map(Lanes::sum);
     #[rustfmt::skip]
-    let luma_normal = Matrix4::new(
+    let normal = Matrix4::new(
         n[0], n[1], n[2], n[3],
         n[1], n[4], n[5], n[6],
         n[2], n[5], n[7], n[8],
         n[3], n[6], n[8], n[9],
     );
-    let c = chroma_sums.map(Lanes::sum);
-    let flat = flat.sum().max(1.0);
-    // Cut at three deviations, the mean square of a normal variable is 0.97.
-    let deviation = |sum: Lanes| (sum.sum() / (0.97 * flat)).sqrt();
     Sums {
-        luma: luma_rim,
-        chroma: chroma_rim,
-        luma_light: (luma_normal, Vector4::from(moment.map(Lanes::sum))),
-        chroma_light: (Matrix2::new(c[0], c[1], c[1], c[2]), Vector2::new(c[3], c[4])),
+        rim,
+        light: (normal, Vector4::from(moment.map(Lanes::sum))),
+        cross: Matrix2::from_row_slice(&cross.map(Lanes::sum)),
         blur: (blur.sum(), blur_pull.sum()),
-        noise: Noise { luma: deviation(luma_flat), chroma: deviation(chroma_flat) },
+        noise: deviation(flat_squares, flat),
     }
+}
+
+/// What chroma says.
+pub(super) struct ChromaSums {
+    pub rim: Rim,
+    pub light: (Matrix2<f64>, Vector2<f64>),
+    pub noise: f64,
+}
+
+/// Looks at every sample of the patch's chroma.
+#[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
+pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
+    let Model { ellipse, light, noise } = model;
+    let noise_squared = single(noise.chroma * noise.chroma);
+    let (height, ground) = (Lanes::all(single(light.chroma.x)), Lanes::all(single(light.chroma.y)));
+    let weight = Lanes::all(single(patch.chroma_weight));
+    let mut rim = Rim::default();
+    let mut sums = [Lanes::ZERO; 5];
+    let (mut flat, mut flat_squares) = (Lanes::ZERO, Lanes::ZERO);
+    for sector in 0..SECTORS {
+        let mut here = RimLanes::ZERO;
+        for octet in chroma.sector(sector) {
+            let place = Place::of(octet, ellipse);
+            let cover = place.cover(ellipse, patch.chroma_blur);
+            let residual = octet.value - height * cover.share - ground;
+            let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
+            let bend = edge * height * Lanes::all(EDGE_ERROR);
+            let mut said = said(residual, noise_squared, bend, height * cover.by_rim, octet.there);
+            said.weight = said.weight * weight;
+            here.add(&said, &place);
+            sums[0] += said.weight * cover.share * cover.share;
+            sums[1] += said.weight * cover.share;
+            sums[2] += said.weight;
+            sums[3] += said.weight * cover.share * residual;
+            sums[4] += said.weight * residual;
+            let level = octet.there * (Lanes::ONE - edge);
+            flat += level;
+            flat_squares += level * (residual * residual).min(CUT * CUT * noise_squared);
+        }
+        here.into(&mut rim, sector);
+    }
+    let [aa, ab, bb, a, b] = sums.map(Lanes::sum);
+    ChromaSums { rim, light: (Matrix2::new(aa, ab, ab, bb), Vector2::new(a, b)), noise: deviation(flat_squares, flat) }
+}
+
+/// Squares are cut at so many deviations.
+const CUT: f32 = 3.0;
+
+/// Where they are cut at three deviations, the mean square of a normal variable is 0.97 of its variance.
+fn deviation(squares: Lanes, count: Lanes) -> f64 {
+    (squares.sum() / (0.97 * count.sum().max(1.0))).sqrt()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]

@@ -7,54 +7,56 @@ use super::lanes::{LANES, Lanes};
 use super::rim::SECTORS;
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
-/// Eight pixels of one sector.
+/// Eight samples of one channel in one sector.
 #[derive(Clone, Copy)]
 pub(super) struct Octet {
     /// From the patch's origin, px.
     pub x: Lanes,
     pub y: Lanes,
-    pub luma: Lanes,
-    /// Along the marker's hue.
-    pub chroma: Lanes,
-    /// 1 for a pixel, 0 for a lane that is left over.
+    pub value: Lanes,
+    /// 1 for a sample, 0 for a lane that is left over.
     pub there: Lanes,
+}
+
+/// The samples of one channel.
+pub(super) struct Channel {
+    octets: Vec<Octet>,
+    /// Where each sector begins in `octets`, and the end of the last.
+    starts: [usize; SECTORS + 1],
+    /// Medians within the rim and beyond it.
+    pub inside: f64,
+    pub outside: f64,
+    /// Noise of a sample beyond the rim.
+    pub noise: f64,
 }
 
 pub(super) struct Patch {
     /// Whole pixel that positions are measured from.
     pub origin: Vector2<f64>,
-    /// Sector after sector.
-    pub octets: Vec<Octet>,
-    /// Where each sector begins in `octets`, and the end of the last.
-    pub starts: [usize; SECTORS + 1],
-    pub has_chroma: bool,
+    pub luma: Channel,
+    /// Along the marker's hue; none for a frame without colour, or a marker without a hue.
+    pub chroma: Option<Channel>,
     /// Variance of the blur by which chroma is softer than luma, px^2.
     pub chroma_blur: f64,
-    /// The part of a pixel's chroma that is its own.
-    pub chroma_share: f64,
+    /// What a sample of chroma counts.
+    pub chroma_weight: f64,
+    /// What no number of pixels improves, px.
+    pub floor_px: f64,
     /// Least deviation of chroma that coding leaves.
     pub min_chroma_noise: f64,
-    /// Medians within the rim and beyond it.
-    pub inside: Levels,
-    pub outside: Levels,
-    /// Noise of a pixel beyond the rim, of luma and of chroma.
-    pub noise: [f64; 2],
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Levels {
-    pub luma: f64,
-    pub chroma: f64,
 }
 
 /// How far from the rim pixels are looked at, px. What is within belongs to the marker; outwards other things begin.
 const INWARDS_PX: f64 = 6.0;
 const OUTWARDS_PX: f64 = 3.5;
 
-/// Where four pixels share a sample of chroma: the variance of that blur, px^2, and the part of a pixel's chroma that is its
-/// own. That is more than a quarter, as the noise is not the limit.
+/// Where four pixels share a sample of chroma, one of them is looked at. The variance of that blur, px^2, and what the sample
+/// counts: more than once, as its noise is not the limit.
 const SHARED_BLUR: f64 = 1.5;
-const OWN_SHARE: f64 = 0.4;
+const SHARED_WEIGHT: f64 = 1.6;
+
+/// A coloured light of a pixel or two falls on few of the mosaic's pixels of its colour: what that leaves, px.
+const MOSAIC_SIGMA_PX: f64 = 0.04;
 
 /// Deviation of chroma for each unit of its quantization step.
 const CODING_NOISE: f64 = 0.3;
@@ -63,13 +65,74 @@ const CODING_NOISE: f64 = 0.3;
 struct Sample {
     x: f32,
     y: f32,
-    luma: f32,
-    chroma: f32,
+    value: f32,
+}
+
+/// Where a sample lies.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Inside,
+    Rim,
+    Outside,
+}
+
+/// Samples as they come.
+struct Gathered {
+    sectors: [Vec<Sample>; SECTORS],
+    inside: Vec<f32>,
+    outside: Vec<f32>,
+}
+
+impl Gathered {
+    fn new(capacity: usize) -> Self {
+        Self {
+            sectors: std::array::from_fn(|_| Vec::with_capacity(capacity)),
+            inside: Vec::with_capacity(4 * capacity),
+            outside: Vec::with_capacity(8 * capacity),
+        }
+    }
+
+    fn push(&mut self, sector: usize, side: Side, sample: Sample) {
+        self.sectors[sector].push(sample);
+        match side {
+            Side::Inside => self.inside.push(sample.value),
+            Side::Outside => self.outside.push(sample.value),
+            Side::Rim => (),
+        }
+    }
+
+    /// `None` if there is nothing within the rim or beyond it.
+    fn finished(mut self) -> Option<Channel> {
+        let mut octets = Vec::with_capacity(self.sectors.iter().map(|samples| samples.len().div_ceil(LANES)).sum());
+        let mut starts = [0; SECTORS + 1];
+        for (index, samples) in self.sectors.iter().enumerate() {
+            octets.extend(samples.chunks(LANES).map(Octet::of));
+            starts[index + 1] = octets.len();
+        }
+        let inside = median(&mut self.inside)?;
+        let outside = median(&mut self.outside)?;
+        self.outside.iter_mut().for_each(|value| *value = (*value - outside).abs());
+        let noise = 1.4826 * median(&mut self.outside)?;
+        let [inside, outside, noise] = [inside, outside, noise].map(f64::from);
+        Some(Channel { octets, starts, inside, outside, noise })
+    }
+}
+
+impl Channel {
+    /// The octets of a sector.
+    pub(super) fn sector(&self, index: usize) -> &[Octet] {
+        &self.octets[self.starts[index]..self.starts[index + 1]]
+    }
 }
 
 impl Patch {
     /// `None` where the frame ends too near, or the blob is larger than [`MAX_REACH_PX`].
-    pub(super) fn around(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>, matrix: &Matrix2<f64>) -> Option<Self> {
+    pub(super) fn around(
+        frame: &Frame,
+        seed: &Seed,
+        chroma: Option<Vector2<f64>>,
+        matrix: &Matrix2<f64>,
+    ) -> Option<Self> {
         let origin = seed.pixel.map(f64::round);
         // An ellipse's half axes are twice its root mean square extents.
         let reach = seed.moments.diagonal().map(|v| (2.0 * v.max(0.1).sqrt() + OUTWARDS_PX).ceil());
@@ -78,79 +141,68 @@ impl Patch {
         if !(near.min() >= 0.0 && origin.x < far.x && origin.y < far.y && reach.max() < MAX_REACH_PX) {
             return None;
         }
-        let direction = chroma.unwrap_or_else(Vector2::zeros);
-        let centre = seed.pixel - origin;
-        let mut sectors: [Vec<Sample>; SECTORS] = std::array::from_fn(|_| Vec::new());
-        let (mut inner, mut outer) = (Vec::new(), Vec::new());
-        let reader = Reader { frame, direction };
-        for y in -(reach.y as i32)..=reach.y as i32 {
-            for x in -(reach.x as i32)..=reach.x as i32 {
-                let q = Vector2::new(f64::from(x), f64::from(y)) - centre;
+        let reader = Reader { frame, direction: chroma.filter(|_| !matches!(frame.pixels(), Pixels::Luma(_))) };
+        let shared = frame.coding().chroma == ChromaSampling::Reduced;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the frame, as was checked")]
+        let [left, top, right, bottom] =
+            [origin.x - reach.x, origin.y - reach.y, origin.x + reach.x, origin.y + reach.y].map(|edge| edge as usize);
+        let capacity = 2 + 2 * (right - left + 1) * (bottom - top + 1) / SECTORS;
+        let mut luma = Gathered::new(capacity);
+        let mut colour = reader.direction.map(|_| Gathered::new(if shared { capacity / 4 } else { capacity }));
+        for y in top..=bottom {
+            for x in left..=right {
+                let at = Vector2::new(x as f64, y as f64) - origin;
+                let q = at - (seed.pixel - origin);
                 let g = matrix * q;
-                let from_rim = (q.dot(&g) - 1.0) / (2.0 * g.norm()).max(1e-9);
+                let squared = q.dot(&g);
+                let from_rim = (squared - 1.0) / (2.0 * g.norm()).max(1e-9);
                 if !(-INWARDS_PX..OUTWARDS_PX).contains(&from_rim) {
                     continue;
                 }
-                let (luma, chroma) = reader.at((origin.x as i32 + x) as usize, (origin.y as i32 + y) as usize);
-                let sample = Sample { x: x as f32, y: y as f32, luma, chroma };
-                sectors[sector(&q)].push(sample);
-                if q.dot(&g) < 0.6 {
-                    inner.push(sample);
-                } else if from_rim > 1.5 {
-                    outer.push(sample);
+                let side = match () {
+                    () if squared < 0.6 => Side::Inside,
+                    () if from_rim > 1.5 => Side::Outside,
+                    () => Side::Rim,
+                };
+                let sample = |value| Sample { x: single(at.x), y: single(at.y), value };
+                let sector = sector(&q);
+                luma.push(sector, side, sample(reader.luma(x, y)));
+                if let (Some(colour), Some(direction)) = (&mut colour, &reader.direction)
+                    && !(shared && (x % 2 == 1 || y % 2 == 1))
+                {
+                    colour.push(sector, side, sample(reader.chroma(x, y, direction)));
                 }
             }
         }
-        let has_chroma = chroma.is_some() && !matches!(frame.pixels(), Pixels::Luma(_));
-        let reduced = frame.coding().chroma == ChromaSampling::Reduced;
-        let (inside, _) = levels(&inner)?;
-        let (outside, noise) = levels(&outer)?;
-        let mut octets = Vec::new();
-        let mut starts = [0; SECTORS + 1];
-        for (index, samples) in sectors.iter().enumerate() {
-            octets.extend(samples.chunks(LANES).map(Octet::of));
-            starts[index + 1] = octets.len();
-        }
         Some(Self {
             origin,
-            octets,
-            starts,
-            has_chroma,
-            chroma_blur: if reduced { SHARED_BLUR } else { 0.0 },
-            chroma_share: if reduced { OWN_SHARE } else { 1.0 },
+            luma: luma.finished()?,
+            chroma: colour.and_then(Gathered::finished),
+            chroma_blur: if shared { SHARED_BLUR } else { 0.0 },
+            chroma_weight: if shared { SHARED_WEIGHT } else { 1.0 },
+            floor_px: if shared && reader.direction.is_none() { MOSAIC_SIGMA_PX } else { 0.0 },
             min_chroma_noise: CODING_NOISE * frame.coding().chroma_step,
-            inside,
-            outside,
-            noise,
         })
     }
 }
 
 /// Half a side of the largest patch, px: beyond it a marker is as well known as it will be.
-pub(super) const MAX_REACH_PX: f64 = 160.0;
+const MAX_REACH_PX: f64 = 160.0;
 
+/// The sector of a direction. They are even along a square, not along a circle, which saves an arc tangent a pixel.
 fn sector(q: &Vector2<f64>) -> usize {
-    let turn = q.y.atan2(q.x) / std::f64::consts::TAU + 0.5;
-    ((turn * SECTORS as f64) as usize).min(SECTORS - 1)
+    let along = q.x / (q.x.abs() + q.y.abs()).max(1e-12);
+    let turn = if q.y < 0.0 { 1.0 + along } else { 3.0 - along };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4 sides of the square")]
+    let index = (turn * (SECTORS as f64 / 4.0)) as usize;
+    index.min(SECTORS - 1)
 }
 
 impl Octet {
     fn of(samples: &[Sample]) -> Self {
         let of = |f: fn(&Sample) -> f32| Lanes(std::array::from_fn(|i| samples.get(i).map_or(0.0, f)));
-        Self { x: of(|s| s.x), y: of(|s| s.y), luma: of(|s| s.luma), chroma: of(|s| s.chroma), there: of(|_| 1.0) }
+        Self { x: of(|s| s.x), y: of(|s| s.y), value: of(|s| s.value), there: of(|_| 1.0) }
     }
-}
-
-/// Medians, and the deviations from them.
-fn levels(samples: &[Sample]) -> Option<(Levels, [f64; 2])> {
-    let of = |f: fn(&Sample) -> f32| {
-        let mut values: Vec<f32> = samples.iter().map(f).collect();
-        let level = median(&mut values)?;
-        let mut deviations: Vec<f32> = values.iter().map(|v| (v - level).abs()).collect();
-        Some((f64::from(level), 1.4826 * f64::from(median(&mut deviations)?)))
-    };
-    let ((luma, luma_noise), (chroma, chroma_noise)) = (of(|s| s.luma)?, of(|s| s.chroma)?);
-    Some((Levels { luma, chroma }, [luma_noise, chroma_noise]))
 }
 
 fn median(values: &mut [f32]) -> Option<f32> {
@@ -158,26 +210,44 @@ fn median(values: &mut [f32]) -> Option<f32> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
+const fn single(value: f64) -> f32 {
+    value as f32
+}
+
 struct Reader<'a> {
     frame: &'a Frame,
-    direction: Vector2<f64>,
+    direction: Option<Vector2<f64>>,
 }
 
 impl Reader<'_> {
-    fn at(&self, x: usize, y: usize) -> (f32, f32) {
+    fn luma(&self, x: usize, y: usize) -> f32 {
         let index = y * self.frame.width() as usize + x;
-        let (luma, cb, cr) = match self.frame.pixels() {
-            Pixels::Luma(s) => return (f32::from(s[index]), 0.0),
-            Pixels::YCbCr(s) => {
-                let [y, cb, cr] = [s[3 * index], s[3 * index + 1], s[3 * index + 2]].map(f64::from);
-                (y, cb - 128.0, cr - 128.0)
-            }
+        match self.frame.pixels() {
+            Pixels::Luma(s) => f32::from(s[index]),
+            Pixels::YCbCr(s) => f32::from(s[3 * index]),
+            Pixels::Rgb(s) => single(luma_of([s[3 * index], s[3 * index + 1], s[3 * index + 2]])),
+        }
+    }
+
+    /// Chroma along a direction.
+    fn chroma(&self, x: usize, y: usize, direction: &Vector2<f64>) -> f32 {
+        let index = 3 * (y * self.frame.width() as usize + x);
+        let chroma = match self.frame.pixels() {
+            Pixels::Luma(_) => Vector2::zeros(),
+            Pixels::YCbCr(s) => Vector2::new(f64::from(s[index + 1]) - 128.0, f64::from(s[index + 2]) - 128.0),
             Pixels::Rgb(s) => {
-                let [r, g, b] = [s[3 * index], s[3 * index + 1], s[3 * index + 2]].map(f64::from);
-                let luma = 0.299 * r + 0.587 * g + 0.114 * b;
-                (luma, (b - luma) / 1.772, (r - luma) / 1.402)
+                let rgb = [s[index], s[index + 1], s[index + 2]];
+                let luma = luma_of(rgb);
+                Vector2::new((f64::from(rgb[2]) - luma) / 1.772, (f64::from(rgb[0]) - luma) / 1.402)
             }
         };
-        (luma as f32, (cb * self.direction.x + cr * self.direction.y) as f32)
+        single(chroma.dot(direction))
     }
+}
+
+/// Luma of BT.601, not rounded.
+fn luma_of(rgb: [u8; 3]) -> f64 {
+    let [r, g, b] = rgb.map(f64::from);
+    0.299 * r + 0.587 * g + 0.114 * b
 }

@@ -118,7 +118,7 @@ impl Offsets {
     }
 }
 
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 4;
 
 /// The solution of normal equations that may lack a direction.
 pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
