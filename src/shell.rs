@@ -5,6 +5,7 @@ pub mod cli;
 pub mod config;
 pub mod console;
 pub mod fault;
+pub mod grab;
 pub mod http;
 pub mod service;
 pub mod store;
