@@ -125,9 +125,9 @@ impl Grabber {
 
     fn try_open(source: &Source, options: &Options, pass_all: &str) -> Result<Self, GrabError> {
         let (child, out, err) = Running::start(command::of(source, options, pass_all))?;
-        let (log, stamps) = LogReader::start(err, source)?;
+        let (log, marks) = LogReader::start(err, source)?;
         let (sender, frames) = sync_channel(options.ahead.max(1));
-        let reader = Reader::new(out, stamps, Arc::clone(log.shared()), source, options);
+        let reader = Reader::new(out, marks, Arc::clone(log.shared()), source, options);
         let dropped = reader.dropped();
         let mut grabber = Self {
             child,

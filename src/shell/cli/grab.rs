@@ -104,7 +104,8 @@ impl Grab {
     fn write(&self, folder: &mut Folder, source: &Source, mut grabbed: Grabbed) -> Result<(), Fault> {
         if let Some([x, y, width, height]) = self.region {
             let region = Region { x, y, width, height };
-            grabbed.frame = grabbed.frame.cropped(region).map_err(|error| Fault::of_frame(&error))?;
+            grabbed.frame =
+                grabbed.frame.cropped(region).map_err(|error| Fault { pointer: None, ..Fault::of_frame(&error) })?;
         }
         folder.write(source, &grabbed, self.format, self.quality)
     }

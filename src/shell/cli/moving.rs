@@ -20,7 +20,7 @@ pub(super) struct MovingArgs {
     /// Videos: when the first frame was taken, in microseconds since 1970 [default: what the file says].
     #[arg(long, value_name = "TIME_US")]
     start: Option<i64>,
-    /// Streams and webcams: an option of ffmpeg for them, as in video_size=1280x720, input_format=mjpeg or rtsp_transport=udp.
+    /// Streams and webcams: an option of ffmpeg for them, as in `video_size=1280x720`.
     #[arg(long, value_name = "NAME=VALUE", value_parser = pair)]
     input_option: Vec<(String, String)>,
 }
@@ -71,11 +71,9 @@ pub(super) fn tell_oddities(source: &Source, grabber: &Grabber) {
     if let Some(warning) = grabber.warning() {
         complain(&format!("{source}: {warning}"));
     }
-    match grabber.dropped() {
-        0 => {}
-        dropped => {
-            complain(&format!("{source}: {dropped} frames were dropped: they came faster than they could be used"))
-        }
+    let dropped = grabber.dropped();
+    if dropped > 0 {
+        complain(&format!("{source}: {dropped} frames were dropped: they came faster than they could be used"));
     }
 }
 

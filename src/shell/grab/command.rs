@@ -24,8 +24,9 @@ pub(super) const PASS_ALL_BEFORE_5_1: &str = "vsync";
 /// Of a source to planes on standard output and time stamps in the log.
 pub(super) fn of(source: &Source, options: &Options, pass_all: &str) -> Command {
     let mut command = Command::new("ffmpeg");
-    // The level before each message tells errors from facts; without `repeat`, stamps could be left out.
-    command.args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "repeat+level+info"]);
+    // The level before each message tells errors from facts; without `repeat`, stamps could be left out; changes of size are
+    // told of at `verbose`.
+    command.args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "repeat+level+verbose"]);
     let (known, name) = source.input();
     command.args(known);
     if !options.apply_orientation {

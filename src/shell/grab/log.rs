@@ -31,24 +31,23 @@ pub(super) struct Facts {
 /// What has been said so far.
 #[derive(Debug, Default)]
 pub(super) struct Log {
-    /// The source.
+    /// What the source says of itself.
     pub(super) facts: Facts,
     /// Errors, no two alike.
     complaints: VecDeque<String>,
     /// All of them.
     count: u64,
-    /// Whether the frames' size is no longer what it was.
-    pub(super) is_resized: bool,
+    /// What goes into the filters, in ffmpeg's words.
+    size: Option<String>,
 }
 
-/// A line of the log.
-#[derive(Debug, PartialEq, Eq)]
-enum Said<'a> {
-    Stamp(i64),
-    Complaint(&'a str),
+/// What the log says of the frames, in their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mark {
+    /// The next one has this time, microseconds.
+    Time(i64),
+    /// All further ones have another size, and are scaled to the first: no camera has taken them so.
     Resized,
-    Fact,
-    Nothing,
 }
 
 impl Log {
@@ -76,21 +75,24 @@ impl Log {
     }
 
     /// Takes in a line.
-    fn hear<'a>(&mut self, line: &'a str) -> Said<'a> {
+    fn hear(&mut self, line: &str, names: &[String; 2]) -> Option<Mark> {
         if line.starts_with("[Parsed_metadata_") {
-            return stamp_of(line).map_or(Said::Nothing, Said::Stamp);
+            return stamp_of(line).map(Mark::Time);
         }
         let after = |level: &str| line.split_once(level).map(|(_, words)| words.trim());
         if let Some(words) = ["[error] ", "[fatal] ", "[panic] "].into_iter().find_map(after) {
-            return Said::Complaint(words);
+            self.complain(words.replace(&format!("{}: ", names[0]), "").replace(&names[0], &names[1]));
+        } else if let Some(words) = after("[info] ") {
+            self.facts.learn(words);
+        } else if line.starts_with("[graph") {
+            let size = after("[verbose] w:")?.split(" pixfmt:").next()?;
+            match &self.size {
+                Some(first) if first != size => return Some(Mark::Resized),
+                Some(_) => {}
+                None => self.size = Some(size.into()),
+            }
         }
-        if line.contains("Changing video frame properties on the fly") {
-            return Said::Resized;
-        }
-        match after("[info] ") {
-            Some(words) if self.facts.learn(words) => Said::Fact,
-            _ => Said::Nothing,
-        }
+        None
     }
 }
 
@@ -102,25 +104,22 @@ fn stamp_of(line: &str) -> Option<i64> {
 
 impl Facts {
     /// What is said of the input comes first, and what comes first holds: of the output the same words are said again.
-    fn learn(&mut self, words: &str) -> bool {
+    fn learn(&mut self, words: &str) {
         let Some((name, value)) = words.split_once(':') else {
-            return false;
+            return;
         };
         match name.trim() {
             "Duration" if self.duration_us.is_none() => {
                 self.duration_us = value.split(',').next().and_then(|clock| clock_us(clock.trim()));
-                self.duration_us.is_some()
             }
+            // Zero is how recorders without a clock state it.
             "creation_time" if self.recorded_us.is_none() => {
-                // Zero is how recorders without a clock state it.
                 self.recorded_us = epoch_us(value.trim()).filter(|us| *us > 0);
-                self.recorded_us.is_some()
             }
             "displaymatrix" if self.orientation == Orientation::Upright => {
                 self.orientation = value.split_whitespace().find_map(turn_of).unwrap_or_default();
-                true
             }
-            _ => false,
+            _ => {}
         }
     }
 }
@@ -137,7 +136,7 @@ fn clock_us(clock: &str) -> Option<i64> {
 /// Degrees to the left by which the picture is stated to be turned, as the value that EXIF has for it.
 fn turn_of(degrees: &str) -> Option<Orientation> {
     let degrees: f64 = degrees.parse().ok()?;
-    #[expect(clippy::cast_possible_truncation, reason = "at most 4")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4")]
     let quarters = (degrees.rem_euclid(360.0) / 90.0).round() as u8;
     Some(match quarters % 4 {
         1 => Orientation::Turned(8),
@@ -155,11 +154,11 @@ pub(super) struct LogReader {
 }
 
 impl LogReader {
-    /// Starts to listen; the stamps come in the order of the frames, each before its frame.
-    pub(super) fn start(err: ChildStderr, source: &Source) -> Result<(Self, Receiver<i64>), GrabError> {
+    /// Starts to listen; marks come in the order of the frames, each before its frame.
+    pub(super) fn start(err: ChildStderr, source: &Source) -> Result<(Self, Receiver<Mark>), GrabError> {
         let log = Arc::new(Mutex::new(Log::default()));
-        // As many stamps as frames can be under way in ffmpeg, whose other pipe holds them back.
-        let (sender, stamps) = channel();
+        // As many marks as frames can be under way in ffmpeg, whose other pipe holds them back.
+        let (sender, marks) = channel();
         let shared = Arc::clone(&log);
         let names = names_of(source);
         let listening = move || listen(BufReader::new(err), &shared, &sender, &names);
@@ -167,7 +166,7 @@ impl LogReader {
             .name("ffmpeg-log".into())
             .spawn(listening)
             .map_err(|error| GrabError::NotRun { detail: error.to_string() })?;
-        Ok((Self { log, thread: Some(thread) }, stamps))
+        Ok((Self { log, thread: Some(thread) }, marks))
     }
 
     pub(super) const fn shared(&self) -> &Arc<Mutex<Log>> {
@@ -182,12 +181,13 @@ impl LogReader {
     }
 }
 
-/// What ffmpeg calls the source, and what we call it: without a password, and without the name of a protocol.
+/// What ffmpeg calls the source, and what we call it: without a password, and without the name of a protocol. Before a
+/// complaint the name is left out; whoever tells of it names the source.
 fn names_of(source: &Source) -> [String; 2] {
     [source.input().1.to_string_lossy().into_owned(), source.to_string()]
 }
 
-fn listen(mut err: impl BufRead, log: &Mutex<Log>, stamps: &Sender<i64>, names: &[String; 2]) {
+fn listen(mut err: impl BufRead, log: &Mutex<Log>, marks: &Sender<Mark>, names: &[String; 2]) {
     let mut line = Vec::new();
     loop {
         line.clear();
@@ -196,13 +196,9 @@ fn listen(mut err: impl BufRead, log: &Mutex<Log>, stamps: &Sender<i64>, names: 
             Ok(_) => {}
         }
         let text = String::from_utf8_lossy(&line);
-        let mut log = Log::of(log);
-        match log.hear(text.trim_end()) {
-            // Nobody waits for a stamp after the last frame.
-            Said::Stamp(us) => _ = stamps.send(us),
-            Said::Complaint(words) => log.complain(words.replace(&names[0], &names[1])),
-            Said::Resized => log.is_resized = true,
-            Said::Fact | Said::Nothing => {}
+        // After the last frame nobody waits for a mark.
+        if let Some(mark) = Log::of(log).hear(text.trim_end(), names) {
+            let _ = marks.send(mark);
         }
     }
 }
@@ -211,17 +207,17 @@ fn listen(mut err: impl BufRead, log: &Mutex<Log>, stamps: &Sender<i64>, names: 
 mod tests {
     use super::*;
 
-    fn heard(text: &str) -> (Log, Vec<i64>) {
+    fn heard(text: &str) -> (Log, Vec<Mark>) {
         let log = Mutex::new(Log::default());
-        let (sender, stamps) = channel();
+        let (sender, marks) = channel();
         listen(text.as_bytes(), &log, &sender, &["file:a.mp4".into(), "a.mp4".into()]);
         drop(sender);
-        (log.into_inner().expect("no panic"), stamps.iter().collect())
+        (log.into_inner().expect("no panic"), marks.iter().collect())
     }
 
     #[test]
     fn facts_of_the_input_stamps_and_complaints_are_told_apart() {
-        let (log, stamps) = heard(
+        let (log, marks) = heard(
             "[info] Input #0, mov,mp4,m4a,3gp,3g2,mj2, from 'file:a.mp4':\n\
              [info]     creation_time   : 2020-03-30T20:01:38.000000Z\n\
              [info]     title           : frame:0 pts:77\n\
@@ -233,13 +229,26 @@ mod tests {
              [Parsed_metadata_5 @ 0x557e05ee5700] [info] skypose=1\n\
              [h264 @ 0x55] [error] concealing 3 errors\n\
              [Parsed_metadata_5 @ 0x557e05ee5700] [info] frame:1    pts:33333   pts_time:0.0333333\n\
-             [error] file:a.mp4: Invalid data found when processing input\n",
+             [error] file:a.mp4: Invalid data found when processing input\n\
+             [fatal] no frames in file:a.mp4\n",
         );
         let recorded_us = Some(1_585_598_498_000_000);
         let facts = Facts { duration_us: Some(70_770_000), recorded_us, orientation: Orientation::Turned(6) };
         assert_eq!(log.facts, facts);
-        assert_eq!(stamps, [0, 33_333]);
-        assert_eq!(log.words(), "concealing 3 errors; a.mp4: Invalid data found when processing input");
+        assert_eq!(marks, [Mark::Time(0), Mark::Time(33_333)]);
+        assert_eq!(log.words(), "concealing 3 errors; Invalid data found when processing input; no frames in a.mp4");
+    }
+
+    #[test]
+    fn a_change_of_size_comes_between_the_frames_that_it_parts() {
+        let size = |size: &str| {
+            format!("[graph 0 input from stream 0:0 @ 0x5] [verbose] {size} pixfmt:yuv420p tb:1/9 fr:10/1\n")
+        };
+        let stamp = |us: i64| format!("[Parsed_metadata_5 @ 0x5] [info] frame:0    pts:{us}       pts_time:0\n");
+        let same = size("w:320 h:240");
+        let text = [same.clone(), stamp(0), same, stamp(1), size("w:640 h:480"), stamp(2)].concat();
+        let (_, marks) = heard(&text);
+        assert_eq!(marks, [Mark::Time(0), Mark::Time(1), Mark::Resized, Mark::Time(2)]);
     }
 
     #[test]
@@ -251,8 +260,8 @@ mod tests {
 
     #[test]
     fn however_much_is_said_little_is_kept() {
-        let text: String = (0..1000).map(|n| format!("[x @ 0x1] [error] fault {}\n", n % 50)).collect();
-        let (log, _) = heard(&text);
+        let text: Vec<String> = (0..1000).map(|n| format!("[x @ 0x1] [error] fault {}\n", n % 50)).collect();
+        let (log, _) = heard(&text.concat());
         assert_eq!(log.words(), "fault 47; fault 48; fault 49 (and 997 more)");
         let (log, _) = heard(&"x".repeat(1_000_000));
         assert_eq!(log.words(), "");

@@ -1,4 +1,4 @@
-//! The thread that makes frames of planes and stamps.
+//! The thread that makes frames of planes and marks.
 
 use std::io::BufReader;
 use std::process::ChildStdout;
@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Instant, SystemTime};
 
 use super::error::GrabError;
-use super::log::Log;
+use super::log::{Log, Mark};
 use super::y4m::Header;
 use super::{Grabbed, Options, Orientation, Source};
 use crate::frame::{Frame, FrameError, Limits};
@@ -30,7 +30,7 @@ impl Dropped {
 /// What the thread has.
 pub(super) struct Reader {
     pipe: BufReader<ChildStdout>,
-    stamps: Receiver<i64>,
+    marks: Receiver<Mark>,
     log: Arc<Mutex<Log>>,
     dropped: Dropped,
     is_live: bool,
@@ -42,14 +42,14 @@ pub(super) struct Reader {
 impl Reader {
     pub(super) fn new(
         out: ChildStdout,
-        stamps: Receiver<i64>,
+        marks: Receiver<Mark>,
         log: Arc<Mutex<Log>>,
         source: &Source,
         options: &Options,
     ) -> Self {
         Self {
             pipe: BufReader::with_capacity(BUFFER, out),
-            stamps,
+            marks,
             log,
             dropped: Dropped::default(),
             is_live: source.is_live(),
@@ -91,11 +91,14 @@ impl Reader {
                 Err(_) => return false,
             }
             // In the log it comes before the frame does.
-            let Ok(time_us) = self.stamps.recv() else { return false };
-            if Log::of(&self.log).is_resized {
-                let _ = frames.send(Err(GrabError::SizeChanged { frames: index }));
-                return true;
-            }
+            let time_us = match self.marks.recv() {
+                Ok(Mark::Time(us)) => us,
+                Ok(Mark::Resized) => {
+                    let _ = frames.send(Err(GrabError::SizeChanged { frames: index }));
+                    return true;
+                }
+                Err(_) => return false,
+            };
             let watch = Instant::now();
             let grabbed = self.frame(header, &planes).map(|frame| Grabbed {
                 index,

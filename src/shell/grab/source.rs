@@ -12,7 +12,7 @@ use super::error::GrabError;
 pub enum Source {
     /// A file.
     File(PathBuf),
-    /// A video device (Video4Linux).
+    /// A video device (`Video4Linux`).
     Device(PathBuf),
     /// Whatever ffmpeg opens by an address: RTSP, RTMP, HTTP, ...
     Address(String),

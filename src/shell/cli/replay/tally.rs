@@ -64,7 +64,7 @@ impl Tally {
 
     /// For people.
     pub(super) fn summary(&self) -> String {
-        let mut text = format!(
+        let text = format!(
             "{} frames in {:.1} s: {} answered, {} of them late, {} dropped, {} refused, {} failed.",
             self.shown,
             self.start.elapsed().as_secs_f64(),
@@ -79,7 +79,7 @@ impl Tally {
         let at = |hundredths: usize| sorted.get((sorted.len().saturating_sub(1)) * hundredths / 100);
         if let (Some(median), Some(high)) = (at(50), at(95)) {
             let ms = |span: &Duration| span.as_secs_f64() * 1e3;
-            text += &format!(" Latency {:.1} ms (median), {:.1} ms (95 %).", ms(median), ms(high));
+            return format!("{text} Latency {:.1} ms (median), {:.1} ms (95 %).", ms(median), ms(high));
         }
         text
     }
