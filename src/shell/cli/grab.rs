@@ -22,7 +22,7 @@ pub(super) const EXAMPLES: &str = "Examples:
   skypose grab rtsp://192.168.1.20/live --out frames --frames 500
   skypose grab /dev/video0 --out frames --input-option video_size=1280x720
 
-Pictures are named by number and time. frames.jsonl has a line for each: source, frame_index, time_us since the source's
+Pictures are named by number and time. frames.jsonl has a line for each: source, frame_index, time_us since the source's \
 start, timestamp_us since 1970 where that is known (else as time_us), file. Ctrl-C ends a stream or a webcam.";
 
 /// Frames of a live source that may wait to be written: a disk hesitates now and then.

@@ -73,7 +73,7 @@ pub(super) fn tell_oddities(source: &Source, grabber: &Grabber) {
     }
     let dropped = grabber.dropped();
     if dropped > 0 {
-        complain(&format!("{source}: {dropped} frames were dropped: they came faster than they could be used"));
+        complain(&format!("{source}: frames dropped, as they came faster than they could be used: {dropped}"));
     }
 }
 

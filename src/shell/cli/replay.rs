@@ -33,8 +33,8 @@ pub(super) const EXAMPLES: &str = "Examples:
   skypose replay flight.mp4 --method edge --server http://192.168.1.5:8080 --speed 0.5
   skypose replay frames --fps 10 --camera camera.json --target target.json
 
-With a camera and a target, frames go to /v1/estimates, otherwise to /v1/detections. A frame that is due while --in-flight
-others are on their way is dropped, as a camera's would be; with --speed max each waits for its turn. A folder that skypose
+With a camera and a target, frames go to /v1/estimates, otherwise to /v1/detections. A frame that is due while --in-flight \
+others are on their way is dropped, as a camera's would be; with --speed max each waits for its turn. A folder that skypose \
 grab has written is played with its own times. Replies are printed in the order of the frames, sums on standard error.";
 
 /// Pictures have no pace of their own.
