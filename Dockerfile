@@ -9,8 +9,11 @@ COPY benches benches
 RUN cargo build --profile dist --locked --bin skypose
 
 FROM debian:bookworm-slim
+# The service needs no ffmpeg, whose libraries are larger than all the rest. To run `grab`, `replay` or `detect` on videos in
+# the container: docker build --build-arg EXTRA=ffmpeg .
+ARG EXTRA=""
 RUN useradd --system --uid 10001 --home-dir /var/lib/skypose --create-home skypose \
- && apt-get update && apt-get install -y --no-install-recommends curl && rm -rf /var/lib/apt/lists/*
+ && apt-get update && apt-get install -y --no-install-recommends curl $EXTRA && rm -rf /var/lib/apt/lists/*
 COPY --from=build /build/target/dist/skypose /usr/local/bin/skypose
 COPY deploy/skypose.toml /etc/skypose/skypose.toml
 USER skypose

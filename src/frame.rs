@@ -8,6 +8,7 @@ pub mod color;
 pub mod decode;
 pub mod jpeg;
 pub mod orientation;
+pub mod planar;
 pub mod raw;
 pub mod region;
 
@@ -15,6 +16,7 @@ use std::borrow::Cow;
 
 pub use decode::{Decoding, FrameError, Limits, Wanted};
 pub use orientation::Orientation;
+pub use planar::Planar;
 pub use raw::RawFormat;
 pub use region::Region;
 
@@ -36,7 +38,7 @@ pub enum Pixels {
 pub enum ChromaSampling {
     /// Every pixel has its own colour (or there is no colour at all).
     Full,
-    /// One colour sample for several pixels: 4:2:0 and 4:2:2 JPEG, YUYV, NV12, Bayer.
+    /// One colour sample for several pixels: 4:2:0 and 4:2:2 JPEG and video, YUYV, NV12, Bayer.
     Reduced,
 }
 

@@ -30,7 +30,7 @@
 //! [`plot`] draws charts.
 //!
 //! *The wall*: [`shell`]. Only behind it are clocks, files, sockets, threads, logs and serialised shapes: settings,
-//! telemetry, the store, the service with its workers, HTTP, the command line.
+//! telemetry, the store, the service with its workers, HTTP, videos and cameras, the command line.
 //!
 //! # The import law
 //!

@@ -1,10 +1,11 @@
-//! The wall: only behind this door is the world touched. Clocks, files, sockets, logs and threads live here, and every
-//! serialised shape.
+//! The wall: only behind this door is the world touched. Clocks, files, sockets, logs, threads and child processes live
+//! here, and every serialised shape.
 
 pub mod cli;
 pub mod config;
 pub mod console;
 pub mod fault;
+pub mod grab;
 pub mod http;
 pub mod service;
 pub mod store;

@@ -233,6 +233,11 @@ fn unknown_words_are_bad_input() {
         &["estimate", "x.png"],
         &["serve", "--listen", "nowhere"],
         &["demo", "--frames", "0"],
+        &["grab", "video.mp4"],
+        &["grab", "video.mp4", "--out", "frames", "--fps", "0"],
+        &["grab", "video.mp4", "--out", "frames", "--input-option", "size"],
+        &["replay"],
+        &["replay", "video.mp4", "--speed", "0"],
         &["assess"],
         &["assess", "target.json"],
         &["assess", "target.json", "--camera", "camera.json", "--pixel-sigma", "much"],
@@ -246,7 +251,7 @@ fn unknown_words_are_bad_input() {
 #[test]
 fn help_and_version_are_no_errors() {
     let help = run(&["--help"]);
-    for command in ["serve", "detect", "estimate", "pose", "assess", "openapi", "demo"] {
+    for command in ["serve", "detect", "estimate", "grab", "replay", "pose", "assess", "openapi", "demo"] {
         assert!(help.out.contains(command), "{command}");
         assert_eq!(run(&[command, "--help"]).code, Some(0), "{command}");
     }

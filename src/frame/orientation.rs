@@ -37,7 +37,9 @@ impl Orientation {
 }
 
 impl Frame {
-    pub(super) const fn stating(mut self, orientation: Orientation) -> Self {
+    /// The same frame with an orientation that its source states and that is not applied.
+    #[must_use]
+    pub const fn stating(mut self, orientation: Orientation) -> Self {
         self.orientation = orientation;
         self
     }

@@ -1,6 +1,6 @@
 //! A rectangle of whole pixels.
 
-use super::FrameError;
+use super::{Frame, FrameError, Pixels};
 
 /// A region of interest: pixels `x .. x + width`, `y .. y + height`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +39,27 @@ impl Region {
     }
 }
 
+impl Frame {
+    /// The part of the frame that a region shows, as a frame of its own.
+    ///
+    /// # Errors
+    /// As [`Region::checked`].
+    pub fn cropped(&self, region: Region) -> Result<Self, FrameError> {
+        let region = region.checked(self.width, self.height)?;
+        let cut = |samples: &[u8], channels: usize| {
+            let (width, left) = (self.width as usize * channels, region.x as usize * channels);
+            let rows = samples.chunks_exact(width).skip(region.y as usize).take(region.height as usize);
+            rows.flat_map(|row| &row[left..][..region.width as usize * channels]).copied().collect()
+        };
+        let pixels = match &self.pixels {
+            Pixels::Luma(samples) => Pixels::Luma(cut(samples, 1)),
+            Pixels::Rgb(samples) => Pixels::Rgb(cut(samples, 3)),
+            Pixels::YCbCr(samples) => Pixels::YCbCr(cut(samples, 3)),
+        };
+        Ok(Self::checked(region.width, region.height, pixels, self.coding)?.stating(self.orientation))
+    }
+}
+
 impl std::fmt::Display for Region {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "[{}, {}, {}, {}]", self.x, self.y, self.width, self.height)
@@ -48,6 +69,20 @@ impl std::fmt::Display for Region {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::Coding;
+
+    #[test]
+    fn a_cropped_frame_shows_the_region_and_nothing_else() {
+        let samples: Vec<u8> = (0..12).collect();
+        let gray = Frame::checked(4, 3, Pixels::Luma(samples), Coding::LOSSLESS).expect("a frame");
+        let part = gray.cropped(Region { x: 1, y: 1, width: 2, height: 2 }).expect("inside");
+        assert_eq!((part.width(), part.height(), part.pixels()), (2, 2, &Pixels::Luma(vec![5, 6, 9, 10])));
+        let rgb = Frame::checked(2, 2, Pixels::Rgb((0..12).collect()), Coding::LOSSLESS).expect("a frame");
+        let part = rgb.cropped(Region { x: 1, y: 0, width: 1, height: 2 }).expect("inside");
+        assert_eq!(part.pixels(), &Pixels::Rgb(vec![3, 4, 5, 9, 10, 11]));
+        let outside = rgb.cropped(Region { x: 1, y: 0, width: 2, height: 2 });
+        assert!(matches!(outside, Err(FrameError::RegionOutside { .. })));
+    }
 
     #[test]
     fn a_region_must_have_pixels_and_lie_on_the_frame() {

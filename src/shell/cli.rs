@@ -3,9 +3,13 @@
 mod assess;
 mod demo;
 mod frames;
+mod grab;
 mod inputs;
+mod moving;
 mod pictures;
 mod points;
+mod replay;
+
 mod requests;
 mod serve;
 
@@ -41,6 +45,12 @@ enum Command {
     Detect(frames::Detect),
     /// Find targets and their poses in frames: one JSON reply a line.
     Estimate(frames::Estimate),
+    /// Take frames out of a video, a stream or a webcam, as pictures with their times.
+    #[command(after_help = grab::EXAMPLES)]
+    Grab(grab::Grab),
+    /// Play a video, a stream or pictures against a running server, at their own pace: one JSON reply a line.
+    #[command(after_help = replay::EXAMPLES)]
+    Replay(replay::Replay),
     /// Compute poses from points: JSON requests on standard input, one JSON reply a line.
     #[command(after_help = POSE_EXAMPLE)]
     Pose(points::Pose),
@@ -89,6 +99,8 @@ enum Stop {
     SomeFailed(FaultKind),
     /// The reader of our output has gone.
     NobodyReads,
+    /// Somebody pressed Ctrl-C, or something asked us to end.
+    Interrupted,
 }
 
 impl From<Fault> for Stop {
@@ -115,6 +127,8 @@ pub fn run() -> ExitCode {
         Command::Serve(command) => command.run(),
         Command::Detect(command) => command.run(),
         Command::Estimate(command) => command.run(),
+        Command::Grab(command) => command.run(),
+        Command::Replay(command) => command.run(),
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
         Command::Openapi => print_openapi(),
@@ -122,6 +136,8 @@ pub fn run() -> ExitCode {
     };
     match result {
         Ok(()) | Err(Stop::NobodyReads) => ExitCode::SUCCESS,
+        // As a shell has it: 128 and the number of the signal.
+        Err(Stop::Interrupted) => ExitCode::from(130),
         Err(Stop::SomeFailed(worst)) => exit_code(worst),
         Err(Stop::Fault(fault)) => {
             super::console::complain(&fault.to_string());

@@ -19,6 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use axum::Router;
+use axum::extract::DefaultBodyLimit;
 use axum::middleware::{from_fn, from_fn_with_state};
 use tokio::sync::Semaphore;
 use utoipa::OpenApi;
@@ -86,6 +87,8 @@ pub fn router(app: App) -> Router {
         .merge(docs::pages(openapi()))
         .fallback(error::no_such_route)
         .method_not_allowed_fallback(error::no_such_method)
+        // Bodies are read within limits of our own; that of axum, 2 MB, would refuse a form with a large frame.
+        .layer(DefaultBodyLimit::disable())
         .layer(from_fn(layers::observe))
         .layer(layers::catch_panics())
         .with_state(app)

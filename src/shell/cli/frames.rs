@@ -7,13 +7,16 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::inputs::{bytes_of, frames_of, given, unreadable_source};
+use super::moving::{self, MovingArgs};
 use super::pictures::Pictures;
 use super::requests::Requests;
 use super::{Failures, SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
 use crate::detect::{Persistence, PersistenceOptions};
-use crate::shell::console::{print_line, progress};
+use crate::frame::Frame;
+use crate::shell::console::{Timeline, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::grab::{Grabber, Options, Source, is_interrupted};
 use crate::shell::service::compute::{FrameTask, Terms};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
@@ -25,13 +28,13 @@ use crate::shell::wire::{CameraWire, FrameRequest, Problem, TargetWire, from_val
 /// What both commands take.
 #[derive(Args, Debug)]
 struct Frames {
-    /// Pictures (JPEG, PNG, WebP, BMP, TIFF, PNM), or folders of them.
-    #[arg(value_name = "FRAME|FOLDER", required_unless_present = "requests")]
+    /// Pictures (JPEG, PNG, WebP, BMP, TIFF, PNM), videos, folders of them, streams (rtsp://...) and webcams (/dev/video0).
+    #[arg(value_name = "FRAME|VIDEO|FOLDER", required_unless_present = "requests")]
     inputs: Vec<PathBuf>,
     /// Read requests instead, JSON objects as in the API one after another, each with "frame": "path"; - is standard input.
     #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
     requests: Option<PathBuf>,
-    /// Take the frames as a sequence: each reply carries its number.
+    /// Take the frames as a sequence: each reply carries its number. Those of a video always do.
     #[arg(long)]
     sequence: bool,
     /// Draw what was found: a picture for a single frame, a folder for several.
@@ -65,6 +68,8 @@ struct Frames {
     #[arg(long, default_value = "ignore", value_parser = named::<OrientationHandling>)]
     orientation: OrientationHandling,
     #[command(flatten)]
+    moving: MovingArgs,
+    #[command(flatten)]
     settings: SettingsArgs,
 }
 
@@ -72,8 +77,8 @@ struct Frames {
 pub(super) struct Detect {
     #[command(flatten)]
     frames: Frames,
-    /// With --sequence: keep only what was seen in so many frames in a row, nearly where it was.
-    #[arg(long, value_name = "FRAMES", requires = "sequence", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    /// With --sequence, or of a video: keep only what was seen in so many frames in a row, nearly where it was.
+    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(1..=1000))]
     persistent: Option<u32>,
 }
 
@@ -102,7 +107,7 @@ impl Detect {
     pub(super) fn run(self) -> Result<(), Stop> {
         let request = self.frames.request();
         let options = |least_frames| PersistenceOptions { least_frames, ..PersistenceOptions::default() };
-        let persistence = self.persistent.map(|frames| Persistence::new(options(frames)));
+        let persistence = self.persistent.map(options);
         run(&self.frames, &request, Kind::Detection, persistence)
     }
 }
@@ -125,12 +130,12 @@ impl Estimate {
 }
 
 /// A word of the API.
-fn named<T: serde::de::DeserializeOwned>(word: &str) -> Result<T, String> {
+pub(super) fn named<T: serde::de::DeserializeOwned>(word: &str) -> Result<T, String> {
     serde_json::from_value(Value::String(word.into())).map_err(|error| error.to_string())
 }
 
 /// x,y,width,height.
-fn region(text: &str) -> Result<[u32; 4], String> {
+pub(super) fn region(text: &str) -> Result<[u32; 4], String> {
     numbers(text).ok_or_else(|| "four whole numbers are expected: x,y,width,height".into())
 }
 
@@ -166,7 +171,10 @@ impl Frames {
     /// The frames with what is asked of each.
     fn jobs(&self, request: &FrameRequest) -> Result<Vec<Job>, Fault> {
         let Some(file) = &self.requests else {
-            let job = |path| Job { path, id: None, request: Ok(request.clone()) };
+            let job = |path: PathBuf| {
+                let is_video = Source::is_video(&path);
+                Job { path, is_video, id: None, request: Ok(request.clone()) }
+            };
             return Ok(frames_of(&self.inputs)?.into_iter().map(job).collect());
         };
         let unusable = |error: std::io::Error| Fault::new(FaultKind::Unreadable, error.to_string());
@@ -186,6 +194,8 @@ impl Frames {
 /// One frame and what is asked of it.
 struct Job {
     path: PathBuf,
+    /// Not one frame but all that it shows.
+    is_video: bool,
     id: Option<Value>,
     request: Result<FrameRequest, Fault>,
 }
@@ -206,7 +216,7 @@ impl Job {
             }
             from_value(request)
         });
-        Self { path, id, request }
+        Self { path, is_video: false, id, request }
     }
 }
 
@@ -218,10 +228,13 @@ enum Kind {
 
 /// A reply with the file that it is about.
 #[derive(Serialize)]
-struct Line<T> {
-    source: String,
+struct Line<'a, T> {
+    source: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
-    frame_index: Option<usize>,
+    frame_index: Option<u64>,
+    /// Of a video: since its start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time_us: Option<i64>,
     #[serde(flatten)]
     reply: T,
 }
@@ -233,9 +246,13 @@ struct Failed {
     error: Problem,
 }
 
-fn run(frames: &Frames, request: &FrameRequest, kind: Kind, mut persistence: Option<Persistence>) -> Result<(), Stop> {
+fn run(
+    frames: &Frames,
+    request: &FrameRequest,
+    kind: Kind,
+    persistence: Option<PersistenceOptions>,
+) -> Result<(), Stop> {
     let settings = frames.settings.load(Vec::new())?;
-    let terms = Terms::of(&settings);
     let runtime = runtime()?;
     let store = match &frames.settings.data {
         Some(folder) => Some(runtime.block_on(Store::open(folder)).map_err(Fault::from)?),
@@ -244,59 +261,139 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind, mut persistence: Opt
     let lookup = Lookup::new(store.as_ref(), std::sync::Arc::default());
     let jobs = frames.jobs(request)?;
     let sources: Vec<&Path> = jobs.iter().map(|job| job.path.as_path()).collect();
-    let mut pictures = Pictures::new(frames.annotate.as_deref(), &sources)?;
-    let bar = progress(jobs.len(), "frames");
-    let mut failures = Failures::default();
+    let has_videos = jobs.iter().any(|job| job.is_video);
+    let mut looking = Looking {
+        kind,
+        terms: Terms::of(&settings),
+        persistence: persistence.map(Persistence::new),
+        pictures: Pictures::new(frames.annotate.as_deref(), &sources, jobs.len() == 1 && !has_videos)?,
+        failures: Failures::default(),
+    };
+    let apply_orientation = frames.orientation == OrientationHandling::Apply;
+    let grabbing = frames.moving.options(apply_orientation, looking.terms.limits);
+    // Each video has a bar of its own.
+    let bar = progress(if has_videos { 0 } else { jobs.len() }, "frames");
     for (index, job) in jobs.into_iter().enumerate() {
-        let source = job.path.display().to_string();
-        let frame_index = frames.sequence.then_some(index);
-        let answer = job.request.and_then(|request| {
-            let task = runtime.block_on(async {
+        let task = job.request.and_then(|request| {
+            runtime.block_on(async {
                 match kind {
                     Kind::Detection => FrameTask::checked(request, &lookup).await,
                     Kind::Estimate => FrameTask::for_estimate(request, &lookup).await,
                 }
-            })?;
-            answer(&job.path, &task, &terms, kind, persistence.as_mut(), &mut pictures)
+            })
         });
-        let line = match answer {
-            Ok(reply) => to_line(Line { source, frame_index, reply })?,
-            Err(fault) => {
-                bar.suspend(|| failures.add(&source, &fault));
-                to_line(Line { source, frame_index, reply: Failed { id: job.id, error: (&fault).into() } })?
-            }
-        };
-        bar.suspend(|| print_line(&line))?;
-        bar.inc(1);
+        if let (true, Ok(task)) = (job.is_video, &task) {
+            // What lasted in one video tells nothing of the next.
+            looking.persistence = persistence.map(Persistence::new);
+            looking.at_video(&Source::of(&job.path), task.clone(), &grabbing)?;
+        } else {
+            let source = job.path.display().to_string();
+            let answer = task.and_then(|task| {
+                let bytes = std::fs::read(&job.path).map_err(|error| unreadable_source(&error))?;
+                looking.answer(Seen::Bytes(&bytes), &task, &job.path)
+            });
+            bar.suspend(|| looking.tell(&source, (frames.sequence.then_some(index as u64), None), job.id, answer))?;
+            bar.inc(1);
+        }
+        if is_interrupted() {
+            return Err(Stop::Interrupted);
+        }
     }
     bar.finish_and_clear();
-    failures.into_result()
+    looking.failures.into_result()
 }
 
-fn answer(
-    path: &Path,
-    task: &FrameTask,
-    terms: &Terms,
+/// A frame, still encoded or not.
+enum Seen<'a> {
+    Bytes(&'a [u8]),
+    Frame { frame: Frame, decode_us: u64 },
+}
+
+/// What goes with us from frame to frame.
+struct Looking {
     kind: Kind,
-    persistence: Option<&mut Persistence>,
-    pictures: &mut Pictures,
-) -> Result<Value, Fault> {
-    let bytes = std::fs::read(path).map_err(|error| unreadable_source(&error))?;
-    let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
-    match kind {
-        Kind::Detection => {
-            let (frame, mut detection, timing) = task.detected(&bytes, terms)?;
-            if let Some(persistence) = persistence {
-                persistence.sift(&mut detection);
+    terms: Terms,
+    persistence: Option<Persistence>,
+    pictures: Pictures,
+    failures: Failures,
+}
+
+impl Looking {
+    /// All frames of a video, one line each.
+    fn at_video(&mut self, source: &Source, mut task: FrameTask, options: &Options) -> Result<(), Stop> {
+        let name = source.to_string();
+        let mut grabber = match Grabber::open(source, options) {
+            Ok(grabber) => grabber,
+            Err(error) => return self.tell(&name, (None, None), None, Err(error.into())),
+        };
+        let mut timeline = Timeline::new(grabber.duration_us());
+        for grabbed in &mut grabber {
+            let grabbed = match grabbed {
+                Ok(grabbed) => grabbed,
+                Err(error) => {
+                    timeline.suspend(|| self.tell(&name, (None, None), None, Err(error.into())))?;
+                    break;
+                }
+            };
+            let place = (Some(grabbed.index), Some(grabbed.time_us));
+            timeline.step(grabbed.time_us);
+            task.set_timestamp_us(grabbed.timestamp_us);
+            let seen = Seen::Frame { frame: grabbed.frame, decode_us: grabbed.decode_us };
+            let answer = self.answer(seen, &task, &moving::frame_name(source, grabbed.index));
+            // What is wrong with one frame of a video (its size, the region) is wrong with all.
+            let is_over = answer.is_err();
+            timeline.suspend(|| self.tell(&name, place, None, answer))?;
+            if is_over {
+                break;
             }
-            pictures.write(path, &frame, task, &Overlay::of(&detection, &[], &[]))?;
-            serde_json::to_value(task.detection_reply(&frame, &detection, timing)).map_err(internal)
         }
-        Kind::Estimate => {
-            let (frame, estimate, timing) = task.estimated(&bytes, terms)?;
-            pictures.write(path, &frame, task, &Overlay::of(&estimate.detection, task.targets(), &estimate.targets))?;
-            serde_json::to_value(task.estimate_reply(&frame, &estimate, timing)).map_err(internal)
+        drop(timeline);
+        moving::tell_oddities(source, &grabber);
+        Ok(())
+    }
+
+    fn answer(&mut self, seen: Seen<'_>, task: &FrameTask, path: &Path) -> Result<Value, Fault> {
+        let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
+        match self.kind {
+            Kind::Detection => {
+                let (frame, mut detection, timing) = match seen {
+                    Seen::Bytes(bytes) => task.detected(bytes, &self.terms)?,
+                    Seen::Frame { frame, decode_us } => task.detected_in(frame, decode_us)?,
+                };
+                if let Some(persistence) = &mut self.persistence {
+                    persistence.sift(&mut detection);
+                }
+                self.pictures.write(path, &frame, task, &Overlay::of(&detection, &[], &[]))?;
+                serde_json::to_value(task.detection_reply(&frame, &detection, timing)).map_err(internal)
+            }
+            Kind::Estimate => {
+                let (frame, estimate, timing) = match seen {
+                    Seen::Bytes(bytes) => task.estimated(bytes, &self.terms)?,
+                    Seen::Frame { frame, decode_us } => task.estimated_in(frame, decode_us, &self.terms)?,
+                };
+                let overlay = Overlay::of(&estimate.detection, task.targets(), &estimate.targets);
+                self.pictures.write(path, &frame, task, &overlay)?;
+                serde_json::to_value(task.estimate_reply(&frame, &estimate, timing)).map_err(internal)
+            }
         }
+    }
+
+    /// The line of an answer, or of a fault, which is complained of too.
+    fn tell(
+        &mut self,
+        source: &str,
+        (frame_index, time_us): (Option<u64>, Option<i64>),
+        id: Option<Value>,
+        answer: Result<Value, Fault>,
+    ) -> Result<(), Stop> {
+        let line = match answer {
+            Ok(reply) => to_line(Line { source, frame_index, time_us, reply })?,
+            Err(fault) => {
+                self.failures.add(source, &fault);
+                to_line(Line { source, frame_index, time_us, reply: Failed { id, error: (&fault).into() } })?
+            }
+        };
+        Ok(print_line(&line)?)
     }
 }
 

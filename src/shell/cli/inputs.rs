@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::grab::Source;
 use crate::shell::wire::{Ref, from_json};
 
 /// Names that pictures end in.
@@ -21,6 +22,19 @@ pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> Fault {
 pub(super) fn unreadable_source(error: &std::io::Error) -> Fault {
     let kind = if error.kind() == std::io::ErrorKind::NotFound { FaultKind::NotFound } else { FaultKind::Unreadable };
     Fault::new(kind, error.to_string())
+}
+
+/// The fault of a file that cannot be written: of the place that was given, or of the machine.
+pub(super) fn unwritable(path: &Path, error: &std::io::Error) -> Fault {
+    use std::io::ErrorKind::{
+        AlreadyExists, InvalidFilename, IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,
+    };
+    let kind = match error.kind() {
+        AlreadyExists | InvalidFilename | IsADirectory | NotADirectory | NotFound | PermissionDenied
+        | ReadOnlyFilesystem => FaultKind::Unreadable,
+        _ => FaultKind::Internal,
+    };
+    Fault::new(kind, format!("{}: cannot be written: {error}", path.display()))
 }
 
 /// The bytes of a file.
@@ -45,7 +59,8 @@ pub(super) fn given<T: DeserializeOwned>(path: &Path, stored: bool) -> Result<Re
     json_of(path).map(Ref::Object)
 }
 
-/// The frames that paths name: a file is itself, a folder its pictures in the order of their names, numbers by value.
+/// The frames and videos that paths name: a file is itself, a folder its pictures and videos in the order of their names,
+/// numbers by value.
 pub(super) fn frames_of(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Fault> {
     let mut frames = Vec::new();
     for path in paths {
@@ -55,9 +70,9 @@ pub(super) fn frames_of(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Fault> {
         }
         let entries = std::fs::read_dir(path).map_err(|error| unreadable(path, &error))?;
         let mut found: Vec<PathBuf> =
-            entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|p| is_picture(p)).collect();
+            entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|p| is_picture(p) || is_video(p)).collect();
         if found.is_empty() {
-            let detail = format!("{}: a folder without pictures ({})", path.display(), PICTURES.join(", "));
+            let detail = format!("{}: a folder without pictures ({}) or videos", path.display(), PICTURES.join(", "));
             return Err(Fault::new(FaultKind::NotFound, detail));
         }
         found.sort_by_key(|path| natural_key(path.file_name().unwrap_or_default()));
@@ -69,6 +84,10 @@ pub(super) fn frames_of(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Fault> {
 fn is_picture(path: &Path) -> bool {
     let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     path.is_file() && PICTURES.contains(&ending.as_str())
+}
+
+fn is_video(path: &Path) -> bool {
+    path.is_file() && Source::is_video(path)
 }
 
 /// Text and numbers in turn, so that frame 10 comes after frame 9.
@@ -94,12 +113,12 @@ mod tests {
     #[test]
     fn frames_come_in_the_order_in_which_they_were_counted() {
         let folder = tempfile::tempdir().expect("a folder");
-        for name in ["f10.png", "f9.jpg", "f1.PNG", "notes.txt"] {
+        for name in ["f10.png", "f9.jpg", "f1.PNG", "f11.mp4", "notes.txt"] {
             std::fs::write(folder.path().join(name), b"").expect("writes");
         }
         let frames = frames_of(&[folder.path().to_owned()]).expect("frames");
         let names: Vec<_> = frames.iter().filter_map(|p| p.file_name()?.to_str()).collect();
-        assert_eq!(names, ["f1.PNG", "f9.jpg", "f10.png"]);
+        assert_eq!(names, ["f1.PNG", "f9.jpg", "f10.png", "f11.mp4"]);
     }
 
     #[test]

@@ -25,10 +25,10 @@ pub(super) enum Pictures {
 
 impl Pictures {
     /// For these frames: a file for a single one if the name has an ending, a folder otherwise.
-    pub(super) fn new(out: Option<&Path>, sources: &[&Path]) -> Result<Self, Fault> {
+    pub(super) fn new(out: Option<&Path>, sources: &[&Path], is_single: bool) -> Result<Self, Fault> {
         let Some(out) = out else { return Ok(Self::None) };
         let taken: BTreeSet<PathBuf> = sources.iter().filter_map(|source| source.canonicalize().ok()).collect();
-        if sources.len() == 1 && out.extension().is_some() && !out.is_dir() {
+        if is_single && out.extension().is_some() && !out.is_dir() {
             if out.canonicalize().is_ok_and(|out| taken.contains(&out)) {
                 let detail = format!("{}: the annotated frame would replace the frame itself", out.display());
                 return Err(Fault::new(FaultKind::Conflict, detail));

@@ -17,7 +17,7 @@ use crate::shell::wire::{DetectionReply, EstimateReply, FrameRequest};
 use crate::target::Target;
 
 /// A frame request that makes sense.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct FrameTask {
     id: Option<Value>,
     camera: Option<Camera>,
@@ -114,10 +114,21 @@ impl FrameTask {
             Frame::decode(bytes, &decoding)
         };
         let frame = frame.map_err(|error| Fault::of_frame(&error))?;
-        if let Some(camera) = &self.camera {
-            frame.check_camera(camera).map_err(|error| Fault::of_frame(&error).at("/camera"))?;
-        }
+        self.check(&frame)?;
         Ok(frame)
+    }
+
+    /// Whether the frame can be one of the camera.
+    fn check(&self, frame: &Frame) -> Result<(), Fault> {
+        match &self.camera {
+            Some(camera) => frame.check_camera(camera).map_err(|error| Fault::of_frame(&error).at("/camera")),
+            None => Ok(()),
+        }
+    }
+
+    /// When the next frame was taken: of a sequence, all frames have one task.
+    pub const fn set_timestamp_us(&mut self, timestamp_us: i64) {
+        self.timestamp_us = Some(timestamp_us);
     }
 
     /// The frame and its blobs, with the time that it took.
@@ -128,6 +139,26 @@ impl FrameTask {
         let mut watch = Stopwatch::start();
         let frame = self.decode(bytes, terms)?;
         let decode = watch.lap("decode");
+        self.detected_after(decode, frame, watch)
+    }
+
+    /// As [`detected`](Self::detected) in a frame that took `decode_us` to decode.
+    ///
+    /// # Errors
+    /// A frame that is not one of the camera; a region that is not on the frame.
+    pub fn detected_in(&self, frame: Frame, decode_us: u64) -> Result<(Frame, Detection, Timing), Fault> {
+        self.check(&frame)?;
+        let (frame, detection, mut timing) = self.detected_after(decode_us, frame, Stopwatch::start())?;
+        timing.total += decode_us;
+        Ok((frame, detection, timing))
+    }
+
+    fn detected_after(
+        &self,
+        decode: u64,
+        frame: Frame,
+        mut watch: Stopwatch,
+    ) -> Result<(Frame, Detection, Timing), Fault> {
         let region = self.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height());
         let detection = detect(&frame, region.map_err(|error| Fault::of_frame(&error))?, &self.detector);
         let timing = Timing { decode, detect: watch.lap("detect"), identify: None, solve: None, total: watch.total() };
@@ -153,7 +184,34 @@ impl FrameTask {
     pub fn estimated(&self, bytes: &[u8], terms: &Terms) -> Result<(Frame, Estimate, Timing), Fault> {
         let mut watch = Stopwatch::start();
         let frame = self.decode(bytes, terms)?;
-        let mut timing = Timing { decode: watch.lap("decode"), ..Timing::default() };
+        let decode = watch.lap("decode");
+        self.estimated_after(decode, frame, terms, watch)
+    }
+
+    /// As [`estimated`](Self::estimated) in a frame that took `decode_us` to decode.
+    ///
+    /// # Errors
+    /// As [`detected_in`](Self::detected_in).
+    pub fn estimated_in(
+        &self,
+        frame: Frame,
+        decode_us: u64,
+        terms: &Terms,
+    ) -> Result<(Frame, Estimate, Timing), Fault> {
+        self.check(&frame)?;
+        let (frame, estimate, mut timing) = self.estimated_after(decode_us, frame, terms, Stopwatch::start())?;
+        timing.total += decode_us;
+        Ok((frame, estimate, timing))
+    }
+
+    fn estimated_after(
+        &self,
+        decode: u64,
+        frame: Frame,
+        terms: &Terms,
+        mut watch: Stopwatch,
+    ) -> Result<(Frame, Estimate, Timing), Fault> {
+        let mut timing = Timing { decode, ..Timing::default() };
         let Some(camera) = &self.camera else {
             return Err(Fault::new(FaultKind::Internal, "an estimate without a camera"));
         };
