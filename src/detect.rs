@@ -145,6 +145,18 @@ impl Detector {
     }
 }
 
+impl Detector {
+    /// The same for markers of another hue; `None` for a method to which hues are nothing.
+    #[must_use]
+    pub fn with_hue(&self, hue: HueRange) -> Option<Self> {
+        match self {
+            Self::Color(options) => Some(Self::Color(ColorOptions { hue, ..options.clone() })),
+            Self::Beacon(options) => Some(Self::Beacon(BeaconOptions { hue: Some(hue), ..*options })),
+            Self::Thesis | Self::Edge(_) => None,
+        }
+    }
+}
+
 /// The centroids in `region`, in pixels of the whole frame. The region must lie on the frame.
 #[must_use]
 pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {

@@ -5,6 +5,7 @@
 //! together.
 
 mod hue;
+mod sample;
 mod score;
 
 use super::Detection;
@@ -12,6 +13,7 @@ use super::blob::{self, BlobOptions};
 use crate::frame::{Frame, Region};
 
 pub use hue::{HueRange, NAMED_HUES};
+pub use sample::{NoHue, learned};
 
 /// What counts as a marker. The defaults suit matt discs in daylight, from a few pixels to a quarter of the frame's height.
 #[derive(Clone, Debug, PartialEq)]

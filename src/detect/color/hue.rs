@@ -38,6 +38,12 @@ impl HueRange {
         Some(Self { centre_deg: *centre_deg, half_width_deg: Self::NAMED_HALF_WIDTH_DEG })
     }
 
+    /// Where the sector begins and ends, degrees.
+    #[must_use]
+    pub fn ends_deg(&self) -> [f64; 2] {
+        [-1.0, 1.0].map(|side| (self.centre_deg + side * self.half_width_deg).rem_euclid(360.0))
+    }
+
     /// The direction of the sector's middle in the plane of (Cb, Cr), a unit vector.
     pub(in crate::detect) fn direction(&self) -> Vector2<f64> {
         chroma_direction(self.centre_deg)
@@ -56,7 +62,7 @@ impl HueRange {
 }
 
 /// Unit vector of a fully saturated hue in the plane of (Cb, Cr).
-fn chroma_direction(hue_deg: f64) -> Vector2<f64> {
+pub(super) fn chroma_direction(hue_deg: f64) -> Vector2<f64> {
     let sextant = hue_deg.rem_euclid(360.0) / 60.0;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     let level = |distance: f64| (255.0 * (2.0 - distance).clamp(0.0, 1.0)).round() as u8;

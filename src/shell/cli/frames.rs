@@ -40,7 +40,7 @@ struct Frames {
     /// Draw what was found: a picture for a single frame, a folder for several.
     #[arg(long, value_name = "OUT")]
     annotate: Option<PathBuf>,
-    /// Method of detection: color (markers), or edge (anything that stands out from the sky).
+    /// Method of detection: color (markers), beacon (LEDs in the dark), or edge (anything that stands out from the sky).
     #[arg(long, value_name = "METHOD", default_value = "color", value_parser = named::<Method>)]
     method: Method,
     /// Preset of the method: thesis is that of the 2012 thesis, step for step.
@@ -49,6 +49,12 @@ struct Frames {
     /// The markers' colour: red, orange, yellow, green, cyan, blue or magenta.
     #[arg(long)]
     color: Option<String>,
+    /// The markers' hues instead, in degrees of the colour circle: from,to, as in 340,20.
+    #[arg(long, value_name = "FROM,TO", value_parser = hues, conflicts_with = "color")]
+    hue: Option<[f64; 2]>,
+    /// Learn the markers' hue from this place in each frame, as from a click: x,y,width,height in pixels. The reply has the hues for --hue.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region, conflicts_with_all = ["color", "hue"])]
+    sample: Option<[u32; 4]>,
     /// edge: how colour becomes gray: luminosity, average or lightness.
     #[arg(long, value_name = "WAY", value_parser = named::<GrayName>)]
     gray: Option<GrayName>,
@@ -139,6 +145,11 @@ pub(super) fn region(text: &str) -> Result<[u32; 4], String> {
     numbers(text).ok_or_else(|| "four whole numbers are expected: x,y,width,height".into())
 }
 
+/// from,to.
+fn hues(text: &str) -> Result<[f64; 2], String> {
+    numbers(text).ok_or_else(|| "two numbers are expected: from,to in degrees".into())
+}
+
 /// rows,columns.
 fn window(text: &str) -> Result<[usize; 2], String> {
     numbers(text).ok_or_else(|| "two whole numbers are expected: rows,columns".into())
@@ -156,6 +167,8 @@ impl Frames {
                 method: self.method,
                 preset: self.preset,
                 color: self.color.clone(),
+                hue_range_deg: self.hue,
+                sample_px: self.sample,
                 gray: self.gray,
                 median_px: self.median,
                 threshold: self.threshold,

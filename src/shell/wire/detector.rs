@@ -27,6 +27,10 @@ pub struct DetectorWire {
     /// most 120 apart; across 0 as in [340, 20].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hue_range_deg: Option<[f64; 2]>,
+    /// `color`, `beacon`: the markers' hue is that of this place in the frame: x, y, width, height of some pixels on a marker, as a
+    /// click gives them. The reply has the hues, for later frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sample_px: Option<[u32; 4]>,
     /// `color`: chroma, of 255, by which a marker must stand out from what surrounds it; `beacon`: luma, of 255.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_contrast: Option<f64>,
@@ -113,6 +117,7 @@ impl TryFrom<&DetectorWire> for Detector {
         let of_color = [
             ("color", wire.color.is_some()),
             ("hue_range_deg", wire.hue_range_deg.is_some()),
+            ("sample_px", wire.sample_px.is_some()),
             ("min_contrast", wire.min_contrast.is_some()),
             ("max_area_ratio", wire.max_area_ratio.is_some()),
             ("max_elongation", wire.max_elongation.is_some()),
@@ -130,6 +135,9 @@ impl TryFrom<&DetectorWire> for Detector {
         };
         if let Some((name, _)) = foreign.iter().find(|(_, is_given)| *is_given) {
             return Err(Fault::senseless(format!("/{name}"), format!("the method {method} has no option {name}")));
+        }
+        if wire.sample_px.is_some() && (wire.color.is_some() || wire.hue_range_deg.is_some()) {
+            return Err(Fault::senseless("/sample_px", "give a colour, a hue range or a sample, only one of them"));
         }
         match (wire.method, wire.preset) {
             (Method::Edge, Some(Preset::Thesis)) => edge_of(wire, EdgeOptions::THESIS).map(Self::Edge),

@@ -142,6 +142,9 @@ pub struct DetectionReply {
     pub id: Option<Value>,
     /// The frame.
     pub frame: FrameInfo,
+    /// Hues of the markers, from, to in degrees, learned from the request's `sample_px`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hue_range_deg: Option<[f64; 2]>,
     /// Candidates for markers, the best first.
     pub centroids: Vec<CentroidWire>,
     /// What was refused and why, the largest first, at most 64.
@@ -187,6 +190,9 @@ pub struct EstimateReply {
     pub id: Option<Value>,
     /// The frame.
     pub frame: FrameInfo,
+    /// Hues of the markers, from, to in degrees, learned from the request's `sample_px`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hue_range_deg: Option<[f64; 2]>,
     /// Candidates for markers, the best first, each with the marker that it was identified with.
     pub centroids: Vec<CentroidWire>,
     /// One for each target asked for, in that order; with `max_instances`, where several of a target are in view, one for each

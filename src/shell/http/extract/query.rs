@@ -30,7 +30,10 @@ pub struct FrameQuery {
     /// The markers' hues: from,to in degrees.
     #[param(value_type = Option<String>, example = "340,20")]
     hue_range_deg: Option<[f64; 2]>,
-    /// Chroma, of 255, by which a marker must stand out.
+    /// The markers' hue is that of this place: x,y,width,height in whole pixels.
+    #[param(value_type = Option<String>, example = "310,200,4,4")]
+    sample_px: Option<[u32; 4]>,
+    /// Chroma, or luma for `beacon`, of 255, by which a marker must stand out.
     min_contrast: Option<f64>,
     /// Smallest area, px.
     min_area_px: Option<f64>,
@@ -98,11 +101,12 @@ const REQUEST: [(&str, Form); 13] = [
 ];
 
 /// Parameters of its detector.
-const DETECTOR: [(&str, Form); 13] = [
+const DETECTOR: [(&str, Form); 14] = [
     ("method", Form::Text),
     ("preset", Form::Text),
     ("color", Form::Text),
     ("hue_range_deg", Form::Numbers),
+    ("sample_px", Form::Numbers),
     ("min_contrast", Form::Number),
     ("min_area_px", Form::Number),
     ("max_area_ratio", Form::Number),

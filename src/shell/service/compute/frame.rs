@@ -1,12 +1,14 @@
 //! Frame to centroids and poses.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use serde_json::Value;
 
 use super::Terms;
 use crate::camera::Camera;
-use crate::detect::{Detection, Detector, detect};
+use crate::detect::color::learned;
+use crate::detect::{Detection, Detector, HueRange, detect};
 use crate::frame::{Decoding, Frame, RawFormat, Region};
 use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
@@ -23,6 +25,8 @@ pub struct FrameTask {
     camera: Option<Camera>,
     targets: Vec<Target>,
     detector: Detector,
+    /// Where the markers' hue is to be learned.
+    sample: Option<Region>,
     region: Option<Region>,
     max_instances: usize,
     pose: crate::pose::PoseOptions,
@@ -72,7 +76,8 @@ impl FrameTask {
             camera,
             targets,
             detector: Detector::try_from(&request.detector).map_err(|fault| fault.within("/detector"))?,
-            region: request.region_px.map(|[x, y, width, height]| Region { x, y, width, height }),
+            sample: request.detector.sample_px.map(region_of),
+            region: request.region_px.map(region_of),
             max_instances,
             pose: request.solver.options(request.refine),
             timestamp_us: request.timestamp_us,
@@ -118,6 +123,24 @@ impl FrameTask {
         Ok(frame)
     }
 
+    /// The hue of the frame's sample, if there is to be one.
+    fn learned(&self, frame: &Frame) -> Result<Option<HueRange>, Fault> {
+        let Some(sample) = self.sample else { return Ok(None) };
+        let senseless = |detail: String| Fault::senseless("/detector/sample_px", detail);
+        let sample = sample.checked(frame.width(), frame.height()).map_err(|error| senseless(error.to_string()))?;
+        learned(frame, sample).map(Some).map_err(|error| senseless(error.to_string()))
+    }
+
+    /// The detector for this frame.
+    fn detector_for(&self, frame: &Frame) -> Result<Cow<'_, Detector>, Fault> {
+        let with_hue = self.learned(frame)?.and_then(|hue| self.detector.with_hue(hue));
+        Ok(with_hue.map_or(Cow::Borrowed(&self.detector), Cow::Owned))
+    }
+
+    fn hue_range_deg(&self, frame: &Frame) -> Option<[f64; 2]> {
+        Some(self.learned(frame).ok()??.ends_deg())
+    }
+
     /// Whether the frame can be one of the camera.
     fn check(&self, frame: &Frame) -> Result<(), Fault> {
         match &self.camera {
@@ -160,7 +183,8 @@ impl FrameTask {
         mut watch: Stopwatch,
     ) -> Result<(Frame, Detection, Timing), Fault> {
         let region = self.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height());
-        let detection = detect(&frame, region.map_err(|error| Fault::of_frame(&error))?, &self.detector);
+        let region = region.map_err(|error| Fault::of_frame(&error))?;
+        let detection = detect(&frame, region, self.detector_for(&frame)?.as_ref());
         let timing = Timing { decode, detect: watch.lap("detect"), identify: None, solve: None, total: watch.total() };
         Ok((frame, detection, timing))
     }
@@ -171,6 +195,7 @@ impl FrameTask {
         DetectionReply {
             id: self.id.clone(),
             frame: FrameInfo::of(frame, self.timestamp_us),
+            hue_range_deg: self.hue_range_deg(frame),
             centroids: centroids_of(detection),
             refused: refused_of(detection),
             timing_us,
@@ -216,7 +241,7 @@ impl FrameTask {
             return Err(Fault::new(FaultKind::Internal, "an estimate without a camera"));
         };
         let options = pipeline::Options {
-            detector: self.detector.clone(),
+            detector: self.detector_for(&frame)?.into_owned(),
             region: self.region,
             identify: terms.identify,
             max_instances: self.max_instances,
@@ -266,6 +291,7 @@ impl FrameTask {
         EstimateReply {
             id: self.id.clone(),
             frame: FrameInfo::of(frame, self.timestamp_us),
+            hue_range_deg: self.hue_range_deg(frame),
             centroids,
             targets: estimate
                 .targets
@@ -285,6 +311,10 @@ impl FrameTask {
 fn instances(estimates: &[TargetEstimate]) -> Vec<usize> {
     let before = |index: usize| estimates[..index].iter().filter(|e| e.target == estimates[index].target).count();
     (0..estimates.len()).map(before).collect()
+}
+
+const fn region_of([x, y, width, height]: [u32; 4]) -> Region {
+    Region { x, y, width, height }
 }
 
 /// Times of stages, in whole microseconds for the reply and to the metrics.
