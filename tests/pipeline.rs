@@ -672,7 +672,8 @@ fn frames_of_another_renderer_give_their_poses_too() {
     for suite in ["lab40", "easy", "light", "clutter", "occlusion"] {
         let tally = &suites[suite];
         assert_eq!((tally.frames, tally.right + tally.flagged), (6, 6), "{suite}: {tally:?}");
-        // 72 coordinates a suite: chance moves the mean square by 0.17.
-        assert!((0.4..1.6).contains(&tally.mean_square()), "{suite}: {:.2} of sigma^2", tally.mean_square());
+        // 72 coordinates a suite: chance moves the mean square by 0.17; and the deviation is that of all suites, some of which
+        // are kinder than others.
+        assert!((0.25..1.6).contains(&tally.mean_square()), "{suite}: {:.2} of sigma^2", tally.mean_square());
     }
 }

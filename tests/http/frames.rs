@@ -99,6 +99,30 @@ async fn a_region_finds_what_is_in_it_on_the_whole_frames_coordinates() {
 }
 
 #[tokio::test]
+async fn a_click_on_a_marker_finds_all_of_its_colour_and_tells_the_hues_for_later() {
+    let station = Station::equipped().await;
+    let by_name = station.post_bytes("/v1/detections?color=red", "image/jpeg", jpeg()).await;
+    let one = &by_name.json["centroids"][0];
+    assert_eq!(by_name.json.get("hue_range_deg"), None, "nothing was learned");
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
+    let [x, y] = ["u_px", "v_px"].map(|name| one[name].as_f64().expect("a place") as u32 - 1);
+    let learned = station.post_bytes(&format!("/v1/detections?sample_px={x},{y},3,3"), "image/jpeg", jpeg()).await;
+    let markers = |reply: &Value| reply["centroids"].as_array().map(Vec::len);
+    assert_eq!(markers(&learned.json), markers(&by_name.json), "{learned:?}");
+    let ends = learned.json["hue_range_deg"].as_array().expect("hues were learned");
+    let query = format!("/v1/detections?hue_range_deg={},{}", ends[0], ends[1]);
+    let later = station.post_bytes(&query, "image/jpeg", jpeg()).await;
+    assert_eq!(later.json["centroids"], learned.json["centroids"]);
+    let request = json!({"camera": "demo", "targets": ["wing-six"], "detector": {"sample_px": [x, y, 3, 3]}});
+    let form = Form::new()
+        .part("frame", Part::bytes(jpeg()).mime_str("image/jpeg").expect("a type"))
+        .text("request", request.to_string());
+    let posed = read(station.request(Method::POST, "/v1/estimates").multipart(form)).await;
+    assert_true_pose(&posed.json["targets"][0]["pose"]);
+    assert_eq!(posed.json["hue_range_deg"], learned.json["hue_range_deg"]);
+}
+
+#[tokio::test]
 async fn an_empty_sky_is_an_answer() {
     let station = Station::equipped().await;
     let sky = skypose::scene::render::Sky::fair(5, [0.0; 2]);

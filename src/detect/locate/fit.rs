@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Vector2, Vector4};
 
 use super::ellipse::Ellipse;
-use super::pass::{ChromaSums, FULL, Light, Model, Noise, Sums, gather, gather_chroma};
+use super::pass::{ChromaSums, FULL, Light, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
 use super::patch::Patch;
 use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, LUMA_FLOOR_PX, Trust, solved};
 use super::{Located, Seed};
@@ -13,19 +13,22 @@ use crate::frame::Frame;
 const LN_BLUR: f64 = -0.4;
 const LN_BLUR_SPREAD: f64 = 1.5;
 
-/// Passes: in the first chroma speaks alone, as it is not misled by what touches the rim.
-const MAX_PASSES: usize = 8;
+/// Passes: in the first chroma speaks alone, which is not misled by what touches the rim.
+const MAX_PASSES: usize = 10;
 const CHROMA_PASSES: usize = 2;
 const MIN_PASSES: usize = 4;
 
 /// Moves shorter than this end the fit, px.
-const SETTLED_PX: f64 = 4e-3;
+const SETTLED_PX: f64 = 6e-3;
 
 /// Eight bits have steps; noise below this is not believed.
 const MIN_NOISE: f64 = 0.5;
 
 /// The rim of what is smaller has too few pixels for some of them to be told from the rest, px.
 const SECTORED_AREA_PX: f64 = 20.0;
+
+/// What a lens too sharp for its pixels hides of a small disc between them: px times the disc's area.
+const ALIASING_PX3: f64 = 2.0;
 
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
@@ -39,31 +42,26 @@ pub(super) fn fit(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> O
     let mut trust = Trust::NONE;
     let mut last = None;
     for pass in 0..MAX_PASSES {
-        let sums = gather(&patch, &model);
         let chroma = patch.chroma.as_ref().map(|channel| gather_chroma(&patch, channel, &model));
-        let luma = sums.rim.offsets(LUMA_FLOOR_PX);
         let colour = chroma.as_ref().map(|chroma| chroma.rim.offsets(CHROMA_FLOOR_PX));
-        let chroma_alone = colour.is_some() && pass < CHROMA_PASSES;
-        trust = match () {
-            () if chroma_alone => Trust::NONE,
-            () if model.ellipse.area_px() < SECTORED_AREA_PX => Trust::FULL,
-            () => luma.trust(colour.as_ref(), &prior),
-        };
         let (mut normal, mut right) = (prior, Form::zeros());
-        luma.add_to(&trust, &mut normal, &mut right);
-        if !chroma_alone {
-            without_slopes(&sums, &mut normal, &mut right);
-        }
         if let Some(colour) = &colour {
             colour.add_to(&Trust::FULL, &mut normal, &mut right);
         }
-        let step = solved(normal, &right)?;
-        let kept = luma.kept(&trust);
-        last = Some((normal, kept));
-        let next = model.ellipse.moved(&step);
+        // In the first passes chroma speaks alone.
+        let sums = (chroma.is_none() || pass >= CHROMA_PASSES).then(|| gather(&patch, &model));
+        if let Some(sums) = &sums {
+            let luma = sums.rim.offsets(LUMA_FLOOR_PX);
+            let is_small = model.ellipse.area_px() < SECTORED_AREA_PX;
+            trust = if is_small { luma.untrimmed(&prior) } else { luma.trust(colour.as_ref(), &prior) };
+            luma.add_to(&trust, &mut normal, &mut right);
+            without_slopes(sums, &mut normal, &mut right);
+            last = Some((normal, luma.kept(&trust)));
+        }
+        let next = model.ellipse.moved(&solved(normal, &right)?);
         let moved = (next.centre - model.ellipse.centre).norm();
         model.ellipse = next;
-        relit(&mut model, &patch, &sums, chroma.as_ref());
+        relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
         if pass + 1 >= MIN_PASSES && moved < SETTLED_PX {
             break;
         }
@@ -71,10 +69,12 @@ pub(super) fn fit(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> O
     let (normal, kept) = last?;
     let covariance = normal.try_inverse()?;
     let random = trust.scatter * (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
-    let sigma_px = random.hypot(patch.floor_px);
+    let blur = model.ellipse.ln_blur.exp();
+    let aliasing = ALIASING_PX3 * (-blur / SHARP_BLUR).exp() / model.ellipse.area_px();
+    let sigma_px = random.hypot(patch.floor_px).hypot(aliasing);
     let pixel = model.ellipse.centre + patch.origin;
     let moved = (pixel - seed.pixel).norm();
-    let fits = sigma_px.is_finite() && kept > MIN_KEPT && moved < 4.0 * seed.sigma_px + 0.5;
+    let fits = sigma_px.is_finite() && kept > MIN_KEPT && moved < 0.1 + 3.5 * seed.sigma_px.hypot(sigma_px);
     fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
 }
 
@@ -108,7 +108,15 @@ fn start(patch: &Patch, seed: &Seed, matrix: Matrix2<f64>) -> Model {
 }
 
 /// Light, blur and noise as the pass has them.
-fn relit(model: &mut Model, patch: &Patch, sums: &Sums, chroma: Option<&ChromaSums>) {
+fn relit(model: &mut Model, patch: &Patch, sums: Option<&Sums>, chroma: Option<&ChromaSums>) {
+    if let Some(chroma) = chroma {
+        let (normal, right) = chroma.light;
+        if let Some(factors) = (normal + Matrix2::identity() * 1e-9).cholesky() {
+            model.light.chroma += factors.solve(&right);
+        }
+        model.noise.chroma = chroma.noise.hypot(patch.min_chroma_noise);
+    }
+    let Some(sums) = sums else { return };
     let (mut normal, right) = sums.light;
     for k in 0..4 {
         normal[(k, k)] += 1e-6 * normal[(k, k)] + 1e-9;
@@ -117,15 +125,8 @@ fn relit(model: &mut Model, patch: &Patch, sums: &Sums, chroma: Option<&ChromaSu
         model.light.luma += factors.solve(&right);
     }
     model.noise.luma = sums.noise.max(MIN_NOISE);
-    if let Some(chroma) = chroma {
-        let (normal, right) = chroma.light;
-        if let Some(factors) = (normal + Matrix2::identity() * 1e-9).cholesky() {
-            model.light.chroma += factors.solve(&right);
-        }
-        model.noise.chroma = chroma.noise.hypot(patch.min_chroma_noise);
-    }
     let (information, pull) = sums.blur;
     let expected = LN_BLUR_SPREAD.powi(-2);
     let step = (pull - expected * (model.ellipse.ln_blur - LN_BLUR)) / (information + expected);
-    model.ellipse.ln_blur = (model.ellipse.ln_blur + step.clamp(-0.5, 0.5)).clamp(-3.0, 4.0);
+    model.ellipse.ln_blur = (model.ellipse.ln_blur + step.clamp(-1.5, 1.0)).clamp(-3.0, 4.0);
 }

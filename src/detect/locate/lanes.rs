@@ -12,6 +12,7 @@ pub(super) const LANES: usize = 8;
 
 /// One number of each pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(32))]
 pub(super) struct Lanes(pub [f32; LANES]);
 
 impl Lanes {

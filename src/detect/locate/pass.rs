@@ -46,7 +46,16 @@ pub(super) struct Sums {
 pub(super) const FULL: f64 = 255.0;
 
 /// The part of an edge's height by which optics, sampling and coding bend it away from the model, as a standard deviation.
-const EDGE_ERROR: f32 = 0.03;
+const EDGE_ERROR: f64 = 0.03;
+
+/// The same for a lens so sharp that its blur is lost between the pixels, and the variance at which that begins, px^2.
+const SHARP_ERROR: f64 = 0.12;
+pub(super) const SHARP_BLUR: f64 = 0.1;
+
+/// The error of edges with this blur.
+fn bent(ln_blur: f64, more: f64) -> f32 {
+    single(EDGE_ERROR + SHARP_ERROR * (-(ln_blur.exp() + more) / SHARP_BLUR).exp())
+}
 
 /// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
 const CHROMA_IN_LUMA: f32 = 1.4;
@@ -170,6 +179,7 @@ impl RimLanes {
 pub(super) fn gather(patch: &Patch, model: &Model) -> Sums {
     let Model { ellipse, light, noise } = model;
     let noise_squared = single(noise.luma * noise.luma);
+    let bent = bent(ellipse.ln_blur, 0.0);
     let [height, ground, right, down] = light.luma.map(single).map(Lanes::all).into();
     let mut rim = Rim::default();
     let mut normal = [Lanes::ZERO; 10];
@@ -189,7 +199,7 @@ pub(super) fn gather(patch: &Patch, model: &Model) -> Sums {
             let gain = Lanes::all(single(0.5 * FULL)) / code;
             let rise = gain * height;
             let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
-            let bend = edge * (rise * rise + chroma_bend).sqrt() * Lanes::all(EDGE_ERROR);
+            let bend = edge * (rise * rise + chroma_bend).sqrt() * Lanes::all(bent);
             let said = said(octet.value - code, noise_squared, bend, rise * cover.by_rim, octet.there);
             here.add(&said, &place);
             let weighted = said.weight * gain;
@@ -245,6 +255,7 @@ pub(super) struct ChromaSums {
 pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
     let Model { ellipse, light, noise } = model;
     let noise_squared = single(noise.chroma * noise.chroma);
+    let bent = bent(ellipse.ln_blur, patch.chroma_blur);
     let (height, ground) = (Lanes::all(single(light.chroma.x)), Lanes::all(single(light.chroma.y)));
     let weight = Lanes::all(single(patch.chroma_weight));
     let mut rim = Rim::default();
@@ -257,7 +268,7 @@ pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> C
             let cover = place.cover(ellipse, patch.chroma_blur);
             let residual = octet.value - height * cover.share - ground;
             let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
-            let bend = edge * height * Lanes::all(EDGE_ERROR);
+            let bend = edge * height * Lanes::all(bent);
             let mut said = said(residual, noise_squared, bend, height * cover.by_rim, octet.there);
             said.weight = said.weight * weight;
             here.add(&said, &place);

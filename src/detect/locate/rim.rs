@@ -110,6 +110,15 @@ impl Offsets {
         trust
     }
 
+    /// All sectors, as those of a small rim cannot be told from each other; but together they tell how well an ellipse fits.
+    pub(super) fn untrimmed(&self, prior: &FormMatrix) -> Trust {
+        let Some(form) = self.solved(&Trust::FULL, prior) else { return Trust::NONE };
+        let squares =
+            self.apart(&form).into_iter().zip(self.variance).map(|(apart, variance)| apart * apart / variance);
+        let scatter = (squares.sum::<f64>() / (SECTORS - FORM) as f64).sqrt().max(1.0);
+        Trust { scatter, ..Trust::FULL }
+    }
+
     /// The share of what is known that is trusted.
     pub(super) fn kept(&self, trust: &Trust) -> f64 {
         let all: f64 = self.variance.iter().map(|v| v.recip()).sum();
