@@ -43,7 +43,8 @@ pub enum Noise {
     #[default]
     Stated,
     /// Unknown: the stated deviations only say how the points compare, the residuals say the rest. Six numbers of the
-    /// residuals go into the pose, so this takes five points and gets good from ten on.
+    /// residuals go into the pose, so this takes five points and gets good from ten on. Robust estimation and identification still
+    /// tell right pairs from wrong ones by the stated deviations, which must be right within a factor of about two there.
     Estimated,
 }
 
@@ -242,7 +243,9 @@ fn estimate_pose_near(
     let solver = reached.iter().find(|(_, refined)| led_to_best(refined)).unwrap_or(&reached[0]).0;
     let refined = PoseAnswer { best, alternatives, solver, noise_scale: consistency.noise_scale, ln_evidence };
     match options.solver {
-        Some(named) if !options.refine => propagation::unrefined(camera, correspondences, named, &pairs, refined),
+        Some(named) if !options.refine => {
+            propagation::unrefined(camera, correspondences, consistency.sigma_factor(), named, &pairs, refined)
+        }
         _ => Ok(refined),
     }
 }

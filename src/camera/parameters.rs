@@ -27,6 +27,20 @@ impl ParameterCovariance {
         &self.matrix
     }
 
+    /// A square root: its product with a standard normal vector is an error of the parameters as they are uncertain.
+    #[must_use]
+    pub fn root(&self) -> SMatrix<f64, MAX_PARAMETERS, MAX_PARAMETERS> {
+        // Brought to a unit diagonal: focal lengths and coefficients differ by orders of magnitude.
+        let deviation = self.matrix.diagonal().map(f64::sqrt);
+        let correlation = SMatrix::<f64, MAX_PARAMETERS, MAX_PARAMETERS>::from_fn(|r, c| {
+            let scale = deviation[r] * deviation[c];
+            if scale > 0.0 { self.matrix[(r, c)] / scale } else { 0.0 }
+        });
+        let eigen = correlation.symmetric_eigen();
+        let spread = eigen.eigenvalues.map(|variance| variance.max(0.0).sqrt());
+        SMatrix::from_diagonal(&deviation) * eigen.eigenvectors * SMatrix::from_diagonal(&spread)
+    }
+
     /// Its rows as they were given.
     #[must_use]
     pub fn rows(&self) -> Vec<Vec<f64>> {

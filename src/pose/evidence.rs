@@ -102,6 +102,11 @@ impl Consistency {
         })
     }
 
+    /// By this factor the deviations of all points are multiplied where errors are computed from them.
+    pub(super) fn sigma_factor(&self) -> f64 {
+        self.variance_factor.sqrt()
+    }
+
     /// Logarithm of the likelihood of points with this chi-square, up to a constant. An unknown noise is integrated out, all
     /// magnitudes being equally likely beforehand (Jeffreys).
     fn ln_likelihood(&self, chi_square: f64) -> f64 {

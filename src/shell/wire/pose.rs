@@ -67,7 +67,8 @@ pub enum NoiseWire {
     /// As large as stated.
     #[default]
     Stated,
-    /// As large as the residuals say; takes five points, better ten.
+    /// As large as the residuals say; takes five points, better ten. With `outliers` or an unknown correspondence the stated
+    /// deviations still tell right pairs from wrong ones, so they must be right within a factor of about two.
     Estimated,
 }
 
