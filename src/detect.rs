@@ -9,6 +9,7 @@ pub mod edge;
 pub mod gray;
 pub mod median;
 pub mod morphology;
+pub mod sky;
 pub mod sobel;
 pub mod thesis;
 pub mod threshold;
