@@ -6,6 +6,7 @@ pub mod cells;
 pub mod change;
 pub mod level;
 pub mod outline;
+pub mod silhouette;
 pub mod track;
 pub mod watch;
 

@@ -76,6 +76,9 @@ pub struct Aligner {
     points: Vec<Point>,
 }
 
+/// What speaks for a camera at rest, in points of full weight: a lone thing in a bare sky moves, not the camera.
+const STILLNESS: f64 = 12.0;
+
 /// Iterations at a level: steps are small after a few.
 const ITERATIONS: usize = 4;
 
@@ -140,12 +143,13 @@ impl Aligner {
                 let v = (y as f32 + 0.5) * scale - middle[1];
                 let [gx, gy] = [across as f32 / (2.0 * scale), down as f32 / (2.0 * scale)];
                 let quiet = cells.mean_at(x, y) + QUIET;
+                let steep = (across as f32).hypot(down as f32);
                 self.points.push(Point {
                     x: u,
                     y: v,
                     value: f32::from(level.contrast[y * width + x]),
                     slope: [gx, gy, (gx * u + gy * v) / middle[0], (gy * u - gx * v) / middle[0]],
-                    weight: 1.0 / (quiet * quiet),
+                    weight: 1.0 / (quiet * quiet + steep * steep),
                 });
             }
         }
@@ -177,7 +181,7 @@ impl Aligner {
         [motion.shift_px[0], motion.shift_px[1], motion.zoom, motion.turn].map(|number| number as f32)
     }
 
-    /// Mean absolute residual, each in units of what is around it.
+    /// Mean absolute residual, each in units of what is around it, and counted as it tells of the motion.
     fn cost(&self, before: &Level, index: usize, size: [f64; 2], motion: &CameraMotion) -> f32 {
         let scale = (1 << index) as f32;
         let middle = [0.5 * size[0] as f32, 0.5 * size[1] as f32];
@@ -185,8 +189,9 @@ impl Aligner {
         let (mut sum, mut count) = (0.0, 0.0);
         for point in &self.points {
             if let Some(residual) = Self::residual(point, before, scale, middle, numbers) {
-                sum += (residual * residual * point.weight).sqrt();
-                count += 1.0;
+                let told = point.weight * (point.slope[0] * point.slope[0] + point.slope[1] * point.slope[1]);
+                sum += told * residual.abs() * point.weight.sqrt();
+                count += told;
             }
         }
         if count > 0.0 { sum / count } else { f32::MAX }
@@ -214,17 +219,19 @@ impl Aligner {
             }
         }
         let n = normal.map(f64::from);
-        // What nothing is known of stays as it is.
-        let ridge = 1e-3 * (n[0] + n[2]) + 1e-4;
-        let matrix = Matrix4::new(
-            n[0] + ridge, n[1], n[3], n[6],
-            n[1], n[2] + ridge, n[4], n[7],
-            n[3], n[4], n[5] + 4.0 * ridge, n[8],
-            n[6], n[7], n[8], n[9] + 4.0 * ridge,
-        );
-        let right = Vector4::from(right.map(f64::from));
-        let Some(step) = matrix.cholesky().map(|factor| factor.solve(&right)) else { return *motion };
+        // A camera of which little is known stands still.
+        let rest = STILLNESS / f64::from(scale * scale);
         let half = 0.5 * size[0];
+        let ridges = [rest, rest, 4.0 * rest, 4.0 * rest];
+        let from_rest = [motion.shift_px[0], motion.shift_px[1], motion.zoom * half, motion.turn * half];
+        let matrix = Matrix4::new(
+            n[0] + ridges[0], n[1], n[3], n[6],
+            n[1], n[2] + ridges[1], n[4], n[7],
+            n[3], n[4], n[5] + ridges[2], n[8],
+            n[6], n[7], n[8], n[9] + ridges[3],
+        );
+        let right = Vector4::from_fn(|i, _| f64::from(right[i]) + ridges[i] * from_rest[i]);
+        let Some(step) = matrix.cholesky().map(|factor| factor.solve(&right)) else { return *motion };
         CameraMotion {
             shift_px: [motion.shift_px[0] - step[0], motion.shift_px[1] - step[1]],
             zoom: motion.zoom - step[2] / half,

@@ -3,6 +3,7 @@
 use super::cells::{Cells, SIDE};
 use super::level::{Level, STEPS};
 use super::outline::outline;
+use super::silhouette::{Piece, SQUARE, Silhouettes};
 
 /// What one frame tells of a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,12 +28,14 @@ pub struct Cues {
     pub above_ln: f32,
     /// Contrast below it in the frame.
     pub below_ln: f32,
+    /// 1 where it goes on beyond the window in which it was looked at.
+    pub goes_on: f32,
 }
 
 impl Cues {
     /// Every cue.
     #[must_use]
-    pub const fn numbers(&self) -> [f32; 10] {
+    pub const fn numbers(&self) -> [f32; 11] {
         [
             self.contrast_ln,
             self.moving_ln,
@@ -44,15 +47,16 @@ impl Cues {
             self.crowd,
             self.above_ln,
             self.below_ln,
+            self.goes_on,
         ]
     }
 
     /// Of every cue.
     #[must_use]
-    pub const fn of_numbers(numbers: [f32; 10]) -> Self {
-        let [contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln] =
+    pub const fn of_numbers(numbers: [f32; 11]) -> Self {
+        let [contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on] =
             numbers;
-        Self { contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln }
+        Self { contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on }
     }
 }
 
@@ -115,6 +119,8 @@ pub struct Finder {
     /// Cells of each level's contrast.
     pub cells: Vec<Cells>,
     moving_cells: Cells,
+    /// Whole things.
+    pub silhouettes: Silhouettes,
 }
 
 impl Finder {
@@ -126,6 +132,7 @@ impl Finder {
             self.map.extend(level.contrast.iter().map(|contrast| contrast.unsigned_abs()));
             cells.take(&self.map, level.width, level.height);
         }
+        self.silhouettes.take(levels, &self.cells, FLOOR);
     }
 
     /// The candidates, the best first. `moving` is the map of level `moving_level`, if it is known.
@@ -149,13 +156,22 @@ impl Finder {
             }
         }
         self.raw.clear();
+        found.clear();
+        for piece in &self.silhouettes.found {
+            if let Some(candidate) = self.whole(piece, levels, moving, moving_level) {
+                self.raw.push((candidate.cues.contrast_ln + 0.7 * candidate.cues.moving_ln, candidate));
+            }
+        }
+        self.raw.sort_by(|a, b| b.0.total_cmp(&a.0));
+        found.extend(self.raw.iter().take(MOST_CANDIDATES / 2).map(|(_, candidate)| *candidate));
+        self.raw.clear();
         for peak in self.peaks.iter().flatten() {
             let level = &levels[peak.level];
             let map = moving.filter(|_| peak.is_moving);
             let Some((x, y)) = place_of(peak, level, &self.cells[peak.level], map) else { continue };
             let Some(candidate) = self.candidate(levels, peak.level, x, y, moving, moving_level) else { continue };
             let cues = &candidate.cues;
-            let strength = cues.contrast_ln + 0.7 * cues.moving_ln - 1.5 * cues.openness.min(1.2);
+            let strength = cues.contrast_ln + 0.7 * cues.moving_ln - 1.5 * cues.openness.min(1.2) - cues.goes_on;
             self.raw.push((strength, candidate));
         }
         self.raw.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -163,7 +179,8 @@ impl Finder {
             if found.len() == MOST_CANDIDATES {
                 break;
             }
-            if !found.iter().any(|known| known.holds(candidate.place) || candidate.holds(known.place)) {
+            let is_known = found.iter().any(|known| known.holds(candidate.place) || (known.cues.goes_on > 0.0 || known.area_px < 4.0 * candidate.area_px) && candidate.holds(known.place));
+            if !is_known {
                 found.push(*candidate);
             }
         }
@@ -194,19 +211,7 @@ impl Finder {
         let bounds = outline.bounds.map(|along| along as f64 * scale);
         let contrast = f32::from(level.contrast[y * level.width + x].unsigned_abs());
         let clutter = self.cells[index].clutter_at(x, y);
-        let moving_ln = moving.map_or(0.0, |map| {
-            let [left, top, right, bottom] =
-                bounds.map(|along| (along / f64::from(1_u32 << moving_level)).max(0.0) as usize);
-            let wide = &levels[moving_level];
-            let mut most = 0;
-            for row in top..(bottom + 1).min(wide.height) {
-                let line = &map[row * wide.width..][..wide.width];
-                let run = &line[left.min(wide.width)..(right + 1).min(wide.width)];
-                most = run.iter().copied().fold(most, u16::max);
-            }
-            let clutter = self.moving_cells.clutter_at((left + right) / 2, (top + bottom) / 2);
-            ((f32::from(most) + MOVING_FLOOR) / (clutter + MOVING_FLOOR)).ln().max(0.0)
-        });
+        let moving_ln = self.moving_in(bounds, levels, moving, moving_level);
         let (above_ln, below_ln) = self.above_and_below(bounds);
         Some(Candidate {
             place,
@@ -224,7 +229,84 @@ impl Finder {
                 crowd: 0.0,
                 above_ln,
                 below_ln,
+                goes_on: 1.0,
             },
+        })
+    }
+
+    /// A piece as a candidate, if it is a thing of its own: within the frame, and no line.
+    fn whole(&self, piece: &Piece, levels: &[Level], moving: Option<&[u16]>, moving_level: usize) -> Option<Candidate> {
+        let [left, top, right, bottom] = piece.bounds;
+        let map = &self.silhouettes;
+        let touches = left == 0 || top == 0 || right >= map.columns || bottom >= map.rows;
+        let (across, down) = (right - left, bottom - top);
+        let elongation = piece.elongation();
+        let is_line = elongation > 5.0 && across.max(down) > 12;
+        let is_huge = across > map.columns * 2 / 3 || down > map.rows * 2 / 3;
+        if is_line || is_huge || (touches && across.max(down) > 8) {
+            return None;
+        }
+        let side = SQUARE as f64;
+        let mut bounds = piece.bounds.map(|along| along as f64 * side);
+        let mut place = piece.place().map(|along| (f64::from(along) + 0.5) * side - 0.5);
+        let mut area_px = f64::from(piece.squares) * side * side;
+        // The strongest pixel says whether it is bright, and outlines what is small.
+        let index = if across.max(down) <= 4 { 0 } else { 1.min(levels.len() - 1) };
+        let level = &levels[index];
+        let mut best = (0, 0, 0);
+        for y in (top * SQUARE >> index)..(bottom * SQUARE >> index).min(level.height) {
+            for x in (left * SQUARE >> index)..(right * SQUARE >> index).min(level.width) {
+                let contrast = level.contrast[y * level.width + x];
+                if contrast.unsigned_abs() > best.0 {
+                    best = (contrast.unsigned_abs(), x, y);
+                }
+            }
+        }
+        let (most, x, y) = best;
+        let outline = outline(level, x, y);
+        if let Some(outline) = outline.filter(|outline| across.max(down) <= 4 && !outline.goes_on) {
+            let scale = f64::from(1_u32 << index);
+            place = outline.place.map(|along| (f64::from(along) + 0.5) * scale - 0.5);
+            bounds = outline.bounds.map(|along| along as f64 * scale);
+            area_px = f64::from(outline.area) * scale * scale;
+        }
+        let [mean, worst] = map.around(piece.bounds);
+        let (above_ln, below_ln) = self.above_and_below(bounds);
+        Some(Candidate {
+            place,
+            bounds,
+            area_px,
+            is_bright: level.contrast[y * level.width + x] > 0,
+            cues: Cues {
+                contrast_ln: piece.ratio.ln(),
+                moving_ln: self.moving_in(bounds, levels, moving, moving_level),
+                height_ln: (f32::from(most) / STEPS).max(0.1).ln(),
+                size_ln: 0.5 * (area_px as f32).ln(),
+                openness: worst / piece.ratio,
+                unrest: mean / piece.ratio,
+                elongation_ln: outline.filter(|_| across.max(down) <= 4).map_or(elongation, |outline| outline.elongation).ln(),
+                crowd: 0.0,
+                above_ln,
+                below_ln,
+                goes_on: 0.0,
+            },
+        })
+    }
+
+    /// How much the most of what moves in the bounds stands out from what moves around, natural logarithm.
+    fn moving_in(&self, bounds: [f64; 4], levels: &[Level], moving: Option<&[u16]>, moving_level: usize) -> f32 {
+        moving.map_or(0.0, |map| {
+            let [left, top, right, bottom] =
+                bounds.map(|along| (along / f64::from(1_u32 << moving_level)).max(0.0) as usize);
+            let wide = &levels[moving_level];
+            let mut most = 0;
+            for row in top..(bottom + 1).min(wide.height) {
+                let line = &map[row * wide.width..][..wide.width];
+                let run = &line[left.min(wide.width)..(right + 1).min(wide.width)];
+                most = run.iter().copied().fold(most, u16::max);
+            }
+            let clutter = self.moving_cells.clutter_at((left + right) / 2, (top + bottom) / 2);
+            ((f32::from(most) + MOVING_FLOOR) / (clutter + MOVING_FLOOR)).ln().max(0.0)
         })
     }
 

@@ -23,6 +23,8 @@ pub struct Outline {
     pub openness: f32,
     /// Mean deviation of that ring, as a share of the contrast.
     pub unrest: f32,
+    /// Whether what hangs together with it at a quarter of its contrast goes on beyond the window.
+    pub goes_on: bool,
 }
 
 /// Directions of the ring.
@@ -60,7 +62,7 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     if contrast < 1.0 {
         return None;
     }
-    let half = 0.5 * contrast;
+    let (half, quarter) = (0.5 * contrast, 0.25 * contrast);
     let (left, top) = (x.saturating_sub(REACH), y.saturating_sub(REACH));
     let (right, bottom) = ((x + REACH + 1).min(width), (y + REACH + 1).min(height));
     let mut seen = [0_u32; SIDE];
@@ -74,26 +76,36 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     let mut next = 0;
     let (mut weight, mut sum, mut squares) = (0.0_f32, [0.0_f32; 2], [0.0_f32; 3]);
     let mut bounds = [x, y, x + 1, y + 1];
+    let (mut area, mut goes_on) = (0.0_f32, false);
     while next < count {
         let (column, row) = (open[next].0 as usize + left, open[next].1 as usize + top);
         next += 1;
-        let height_here = signed(f32::from(level.smooth[row * width + column]) - background).min(1.5 * contrast);
-        let (u, v) = (column as f32 - x as f32, row as f32 - y as f32);
-        weight += height_here;
-        sum[0] += height_here * u;
-        sum[1] += height_here * v;
-        squares[0] += height_here * u * u;
-        squares[1] += height_here * u * v;
-        squares[2] += height_here * v * v;
-        bounds = [bounds[0].min(column), bounds[1].min(row), bounds[2].max(column + 1), bounds[3].max(row + 1)];
+        let here = signed(f32::from(level.smooth[row * width + column]) - background).min(1.5 * contrast);
+        if here > half {
+            let (u, v) = (column as f32 - x as f32, row as f32 - y as f32);
+            area += 1.0;
+            weight += here;
+            sum[0] += here * u;
+            sum[1] += here * v;
+            squares[0] += here * u * u;
+            squares[1] += here * u * v;
+            squares[2] += here * v * v;
+            bounds = [bounds[0].min(column), bounds[1].min(row), bounds[2].max(column + 1), bounds[3].max(row + 1)];
+        }
         for (i, j) in [(0, 1), (1, 0), (1, 2), (2, 1)] {
             let (column, row) = (column + i, row + j);
             if column < left + 1 || row < top + 1 || column > right || row > bottom {
+                // The window's border, not the frame's.
+                goes_on |= (column < left + 1 && left > 0)
+                    || (row < top + 1 && top > 0)
+                    || (column > right && right < width)
+                    || (row > bottom && bottom < height);
                 continue;
             }
             let (column, row) = (column - 1, row - 1);
             let bit = 1 << (column - left);
-            if seen[row - top] & bit == 0 && signed(f32::from(level.smooth[row * width + column]) - background) > half {
+            if seen[row - top] & bit == 0 && signed(f32::from(level.smooth[row * width + column]) - background) > quarter
+            {
                 seen[row - top] |= bit;
                 #[expect(clippy::cast_possible_truncation, reason = "inside the window")]
                 {
@@ -120,10 +132,11 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     Some(Outline {
         place: [x as f32 + mu, y as f32 + mv],
         bounds,
-        area: count as f32,
+        area,
         contrast: signed(contrast),
         elongation,
         openness: worst / contrast,
         unrest: unrest / (16.0 * contrast),
+        goes_on,
     })
 }

@@ -3,13 +3,17 @@
 use super::camera_motion::{Aligner, CameraMotion};
 use super::candidate::{Candidate, Finder};
 use super::change::Change;
-use super::level::Level;
+use super::level::{Level, STEPS};
 use super::track::Track;
 
 /// Most levels: the coarsest has 1/16 of the frame's width, where a thing of 200 px is 12.
 const MOST_LEVELS: usize = 5;
 /// A level is no smaller than this, px.
 const LEAST_SIDE: usize = 24;
+/// The level on which scenes are compared.
+const COARSE: usize = 4;
+/// A frame of which more than this share is new is of another scene.
+const CUT_RATIO: f32 = 0.35;
 /// Most tracks at a time.
 const MOST_TRACKS: usize = 64;
 
@@ -30,6 +34,7 @@ pub struct Watch {
     matched: Vec<bool>,
     next_id: u32,
     frames: u64,
+    scene: f32,
 }
 
 impl Watch {
@@ -57,12 +62,54 @@ impl Watch {
         } else {
             None
         };
+        self.scene = if motion.is_some() { self.scene_change() } else { 0.0 };
+        let is_cut = self.scene > CUT_RATIO;
+        let motion = motion.filter(|_| !is_cut);
+        if is_cut {
+            self.motion = CameraMotion::default();
+            self.tracks.clear();
+        }
         let known = self.change.is_known() && motion.is_some();
         self.change.take(&self.levels[index], index, self.size, motion);
         let moving = known.then_some(self.change.moving.as_slice());
         self.finder.find(&self.levels, moving, index, &mut self.candidates);
         self.associate();
         self.frames += 1;
+    }
+
+    /// How much of the coarse picture is not that of the frame before: its mean difference, as a share of its mean deviation.
+    #[must_use]
+    pub fn scene_change(&self) -> f32 {
+        let index = COARSE.min(self.levels.len() - 1);
+        let (new, before) = (&self.levels[index], &self.before[index]);
+        let scale = f64::from(1_u32 << index);
+        let middle = self.size.map(|side| 0.5 * side as f64);
+        let (mut sums, mut count) = ([0.0_f32; 2], 0.0_f32);
+        let mut pairs = |each: &mut dyn FnMut(f32, f32)| {
+            for y in 0..new.height {
+                for x in 0..new.width {
+                    let place = [(x as f64 + 0.5) * scale - middle[0], (y as f64 + 0.5) * scale - middle[1]];
+                    let [u, v] = self.motion.apply(place);
+                    let (u, v) = (((u + middle[0]) / scale).floor(), ((v + middle[1]) / scale).floor());
+                    if u >= 0.0 && v >= 0.0 && u < new.width as f64 && v < new.height as f64 {
+                        let at = v as usize * new.width + u as usize;
+                        each(f32::from(new.smooth[y * new.width + x]), f32::from(before.smooth[at]));
+                    }
+                }
+            }
+        };
+        pairs(&mut |a, b| {
+            sums[0] += a;
+            sums[1] += b;
+            count += 1.0;
+        });
+        let [mean, mean_before] = sums.map(|sum| sum / count.max(1.0));
+        let (mut changed, mut spread) = (0.0, 0.0);
+        pairs(&mut |a, b| {
+            changed += ((a - mean) - (b - mean_before)).abs();
+            spread += (a - mean).abs().max((b - mean_before).abs());
+        });
+        (changed + 0.5 * count * (mean - mean_before).abs()) / (spread + 6.0 * STEPS * count)
     }
 
     fn fill(&mut self, samples: &[u8], width: usize, height: usize) {
@@ -116,6 +163,12 @@ impl Watch {
                 self.next_id += 1;
             }
         }
+    }
+
+    /// How much of the last frame was new.
+    #[must_use]
+    pub const fn last_change(&self) -> f32 {
+        self.scene
     }
 
     /// The tracks.
