@@ -385,7 +385,12 @@ fn edges_of_a_sequence_are_kept_where_they_last() {
     }
     let frames = ["0.pgm", "1.pgm", "2.pgm", "3.pgm"];
     let said = desk.run(
-        &[&["detect", "--method", "edge", "--sequence", "--persistent", "2", "--median", "3,3"][..], &frames].concat(),
+        &[
+            &["detect", "--method", "edge", "--preset", "thesis", "--sequence", "--persistent", "2"][..],
+            &["--median", "3,3", "--min-area", "10"],
+            &frames,
+        ]
+        .concat(),
     );
     assert_eq!(said.code, Some(0), "{said:?}");
     let replies = said.lines();
@@ -395,7 +400,7 @@ fn edges_of_a_sequence_are_kept_where_they_last() {
     assert!((replies[1]["centroids"][0]["u_px"].as_f64().expect("u") - 43.5).abs() < 0.5, "{said:?}");
     let said = desk.run(&["detect", "--method", "edge", "--preset", "thesis", "--min-area", "10", "0.pgm"]);
     assert_eq!(said.lines()[0]["centroids"].as_array().map(Vec::is_empty), Some(false), "{said:?}");
-    let said = desk.run(&["detect", "--method", "edge", "--threshold", "2", "0.pgm"]);
+    let said = desk.run(&["detect", "--method", "edge", "--preset", "thesis", "--threshold", "2", "0.pgm"]);
     assert!(said.code == Some(2) && said.err.contains("/detector/threshold"), "{said:?}");
 }
 

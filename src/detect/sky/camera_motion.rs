@@ -56,8 +56,9 @@ impl CameraMotion {
 /// Points along a row of the frame, at every level.
 const POINTS_ACROSS: usize = 40;
 
-/// Contrast that is nothing yet, in steps of the levels: a third of a gray level.
-const QUIET: f32 = 40.0;
+/// Contrast that tells little yet, in steps of the levels: a gray level and a half. What is left of noise after a video codec stands
+/// still whatever the camera does.
+const QUIET: f32 = 200.0;
 
 /// A pixel of steep slope.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +78,7 @@ pub struct Aligner {
 }
 
 /// What speaks for a camera at rest, in points of full weight: a lone thing in a bare sky moves, not the camera.
-const STILLNESS: f64 = 12.0;
+const STILLNESS: f64 = 1.0;
 
 /// Iterations at a level: steps are small after a few.
 const ITERATIONS: usize = 4;
@@ -99,7 +100,7 @@ impl Aligner {
                     motion = still;
                 }
             }
-            let rounds = if level == finest { 2 } else { ITERATIONS };
+            let rounds = if level == finest { 3 } else { ITERATIONS };
             for _ in 0..rounds {
                 motion = self.step(&before[level], level, size, &motion);
             }
@@ -149,7 +150,7 @@ impl Aligner {
                     y: v,
                     value: f32::from(level.contrast[y * width + x]),
                     slope: [gx, gy, (gx * u + gy * v) / middle[0], (gy * u - gx * v) / middle[0]],
-                    weight: 1.0 / (quiet * quiet + steep * steep),
+                    weight: steep * steep / (quiet * quiet + steep * steep).powi(2),
                 });
             }
         }

@@ -30,12 +30,14 @@ pub struct Cues {
     pub below_ln: f32,
     /// 1 where it goes on beyond the window in which it was looked at.
     pub goes_on: f32,
+    /// Largest contrast right below it, of its own contrast: what stands on the ground has a foot.
+    pub foot: f32,
 }
 
 impl Cues {
     /// Every cue.
     #[must_use]
-    pub const fn numbers(&self) -> [f32; 11] {
+    pub const fn numbers(&self) -> [f32; 12] {
         [
             self.contrast_ln,
             self.moving_ln,
@@ -48,15 +50,16 @@ impl Cues {
             self.above_ln,
             self.below_ln,
             self.goes_on,
+            self.foot,
         ]
     }
 
     /// Of every cue.
     #[must_use]
-    pub const fn of_numbers(numbers: [f32; 11]) -> Self {
-        let [contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on] =
+    pub const fn of_numbers(numbers: [f32; 12]) -> Self {
+        let [contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on, foot] =
             numbers;
-        Self { contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on }
+        Self { contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on, foot }
     }
 }
 
@@ -230,6 +233,7 @@ impl Finder {
                 above_ln,
                 below_ln,
                 goes_on: 1.0,
+                foot: self.foot(bounds) / contrast.max(FLOOR),
             },
         })
     }
@@ -289,6 +293,7 @@ impl Finder {
                 above_ln,
                 below_ln,
                 goes_on: 0.0,
+                foot: self.foot(bounds) / f32::from(most).max(FLOOR),
             },
         })
     }
@@ -308,6 +313,20 @@ impl Finder {
             let clutter = self.moving_cells.clutter_at((left + right) / 2, (top + bottom) / 2);
             ((f32::from(most) + MOVING_FLOOR) / (clutter + MOVING_FLOOR)).ln().max(0.0)
         })
+    }
+
+    /// The most contrast in the 8 to 32 px below the bounds, within their columns.
+    fn foot(&self, [left, _, right, bottom]: [f64; 4]) -> f32 {
+        let cells = &self.cells[0];
+        let side = SIDE as f64;
+        let column = |x: f64| (x / side).clamp(0.0, (cells.columns.max(1) - 1) as f64) as usize;
+        let first = (((bottom + 2.0) / side).ceil().max(0.0) as usize).min(cells.rows);
+        let mut most = 0;
+        for row in first..(first + 3).min(cells.rows) {
+            let run = &cells.most[row * cells.columns + column(left)..=row * cells.columns + column(right - 1.0)];
+            most = run.iter().copied().fold(most, u16::max);
+        }
+        f32::from(most)
     }
 
     /// Contrast in the six cells above the bounds, and in those below.

@@ -3,21 +3,59 @@
 use super::camera_motion::{Aligner, CameraMotion};
 use super::candidate::{Candidate, Finder};
 use super::change::Change;
-use super::level::{Level, STEPS};
+use super::level::Level;
+use super::scene_change::scene_change;
 use super::track::Track;
 
 /// Most levels: the coarsest has 1/16 of the frame's width, where a thing of 200 px is 12.
 const MOST_LEVELS: usize = 5;
 /// A level is no smaller than this, px.
 const LEAST_SIDE: usize = 24;
-/// The level on which scenes are compared.
-const COARSE: usize = 4;
-/// A frame of which more than this share is new is of another scene.
+/// A frame of which more than this share is new is of another scene. Cuts have 0.5 and more, moving cameras 0.2 and less.
 const CUT_RATIO: f32 = 0.35;
 /// Most tracks at a time.
 const MOST_TRACKS: usize = 64;
+/// Frames that may be missing; over more, a thing is not found again by where it was.
+pub const MOST_MISSING: u64 = 3;
+/// Longest time from frame to frame, us.
+pub const MOST_SPAN_US: i64 = 500_000;
 
-/// What is in the sky, frame by frame.
+/// Which frame of a sequence it is, as far as that is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stamp {
+    /// Its number. Frames without one follow each other.
+    pub index: Option<u64>,
+    /// When it was taken, us.
+    pub timestamp_us: Option<i64>,
+}
+
+/// Why a frame is the first of its tracks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Beginning {
+    /// It is the first.
+    First,
+    /// Frames or time are missing before it, or it comes from earlier.
+    Gap,
+    /// It has another size than the one before.
+    Resized,
+    /// It shows another scene.
+    Cut,
+}
+
+impl Beginning {
+    /// The contract's word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::First => "first",
+            Self::Gap => "gap",
+            Self::Resized => "resized",
+            Self::Cut => "cut",
+        }
+    }
+}
+
+/// What is in the sky, frame by frame. It keeps its memory: in steady state a frame takes none.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
     size: [usize; 2],
@@ -32,84 +70,75 @@ pub struct Watch {
     pairs: Vec<(f64, usize, usize)>,
     taken: Vec<bool>,
     matched: Vec<bool>,
-    next_id: u32,
-    frames: u64,
-    scene: f32,
+    last_id: u32,
+    last: Option<Stamp>,
+    beginning: Option<Beginning>,
+    /// Luma of a frame that is stored otherwise.
+    pub(super) samples: Vec<u8>,
 }
 
 impl Watch {
     /// Before the first frame.
     #[must_use]
     pub fn new() -> Self {
-        Self { next_id: 1, ..Self::default() }
+        Self::default()
     }
 
-    /// The next frame's luma.
-    pub fn observe_luma(&mut self, samples: &[u8], width: usize, height: usize) {
-        if self.size != [width, height] {
-            self.size = [width, height];
-            self.frames = 0;
-            self.tracks.clear();
-            self.change.reset();
+    /// The next frame's luma, rows without padding. Fewer samples than the size asks for are no frame, and change nothing.
+    pub fn observe_luma(&mut self, samples: &[u8], [width, height]: [usize; 2], stamp: Stamp) {
+        if samples.is_empty() || samples.len() < width * height {
+            return;
         }
+        let missing = self.missing(stamp);
+        self.beginning = match missing {
+            None if self.last.is_none() => Some(Beginning::First),
+            _ if self.size != [width, height] => Some(Beginning::Resized),
+            None => Some(Beginning::Gap),
+            Some(_) => None,
+        };
+        self.last = Some(stamp);
+        self.size = [width, height];
         std::mem::swap(&mut self.levels, &mut self.before);
         self.fill(samples, width, height);
         self.finder.take(&self.levels);
-        let index = usize::from(self.levels.len() > 1);
-        let motion = if self.frames > 0 {
+        if self.beginning.is_none() {
             self.motion = self.aligner.align(&self.levels, &self.finder.cells, &self.before, self.motion);
-            Some(self.motion)
-        } else {
-            None
-        };
-        self.scene = if motion.is_some() { self.scene_change() } else { 0.0 };
-        let is_cut = self.scene > CUT_RATIO;
-        let motion = motion.filter(|_| !is_cut);
-        if is_cut {
+            if scene_change(&self.levels, &self.before, &self.motion) > CUT_RATIO {
+                self.beginning = Some(Beginning::Cut);
+            }
+        }
+        if self.beginning.is_some() {
             self.motion = CameraMotion::default();
             self.tracks.clear();
+            self.change.reset();
         }
-        let known = self.change.is_known() && motion.is_some();
-        self.change.take(&self.levels[index], index, self.size, motion);
-        let moving = known.then_some(self.change.moving.as_slice());
+        let index = usize::from(self.levels.len() > 1);
+        let known = self.beginning.is_none().then_some(self.motion);
+        let has_past = self.change.is_known();
+        self.change.take(&self.levels[index], index, self.size, known);
+        let moving = has_past.then_some(self.change.moving.as_slice());
         self.finder.find(&self.levels, moving, index, &mut self.candidates);
-        self.associate();
-        self.frames += 1;
+        self.associate(missing.unwrap_or(0));
     }
 
-    /// How much of the coarse picture is not that of the frame before: its mean difference, as a share of its mean deviation.
-    #[must_use]
-    pub fn scene_change(&self) -> f32 {
-        let index = COARSE.min(self.levels.len() - 1);
-        let (new, before) = (&self.levels[index], &self.before[index]);
-        let scale = f64::from(1_u32 << index);
-        let middle = self.size.map(|side| 0.5 * side as f64);
-        let (mut sums, mut count) = ([0.0_f32; 2], 0.0_f32);
-        let mut pairs = |each: &mut dyn FnMut(f32, f32)| {
-            for y in 0..new.height {
-                for x in 0..new.width {
-                    let place = [(x as f64 + 0.5) * scale - middle[0], (y as f64 + 0.5) * scale - middle[1]];
-                    let [u, v] = self.motion.apply(place);
-                    let (u, v) = (((u + middle[0]) / scale).floor(), ((v + middle[1]) / scale).floor());
-                    if u >= 0.0 && v >= 0.0 && u < new.width as f64 && v < new.height as f64 {
-                        let at = v as usize * new.width + u as usize;
-                        each(f32::from(new.smooth[y * new.width + x]), f32::from(before.smooth[at]));
-                    }
-                }
-            }
+    /// Frames missing before one; none if it does not follow.
+    fn missing(&self, stamp: Stamp) -> Option<u64> {
+        let last = self.last?;
+        let missing = match (last.index, stamp.index) {
+            (Some(last), Some(now)) => now.checked_sub(last)?.checked_sub(1)?,
+            _ => 0,
         };
-        pairs(&mut |a, b| {
-            sums[0] += a;
-            sums[1] += b;
-            count += 1.0;
-        });
-        let [mean, mean_before] = sums.map(|sum| sum / count.max(1.0));
-        let (mut changed, mut spread) = (0.0, 0.0);
-        pairs(&mut |a, b| {
-            changed += ((a - mean) - (b - mean_before)).abs();
-            spread += (a - mean).abs().max((b - mean_before).abs());
-        });
-        (changed + 0.5 * count * (mean - mean_before).abs()) / (spread + 6.0 * STEPS * count)
+        let span_us = match (last.timestamp_us, stamp.timestamp_us) {
+            (Some(last), Some(now)) => now.checked_sub(last)?,
+            _ => 0,
+        };
+        (missing <= MOST_MISSING && (0..=MOST_SPAN_US).contains(&span_us)).then_some(missing)
+    }
+
+    /// Whether the last frame began anew, and why.
+    #[must_use]
+    pub const fn beginning(&self) -> Option<Beginning> {
+        self.beginning
     }
 
     fn fill(&mut self, samples: &[u8], width: usize, height: usize) {
@@ -123,11 +152,13 @@ impl Watch {
         }
     }
 
-    fn associate(&mut self) {
+    fn associate(&mut self, missing: u64) {
         let frame = self.size.map(|side| side as f64);
         let middle = frame.map(|side| 0.5 * side);
         for track in &mut self.tracks {
             track.predict(&self.motion, middle);
+            // The camera's motion spans all of them.
+            (0..missing).for_each(|_| track.predict(&CameraMotion::default(), middle));
         }
         self.pairs.clear();
         for (t, track) in self.tracks.iter().enumerate() {
@@ -159,16 +190,10 @@ impl Watch {
         self.tracks.retain(|track| !track.is_lost(frame));
         for (candidate, taken) in self.candidates.iter().zip(&self.taken) {
             if !taken && self.tracks.len() < MOST_TRACKS {
-                self.tracks.push(Track::start(self.next_id, *candidate));
-                self.next_id += 1;
+                self.last_id = self.last_id.wrapping_add(1);
+                self.tracks.push(Track::start(self.last_id, *candidate));
             }
         }
-    }
-
-    /// How much of the last frame was new.
-    #[must_use]
-    pub const fn last_change(&self) -> f32 {
-        self.scene
     }
 
     /// The tracks.

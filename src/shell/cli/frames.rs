@@ -11,7 +11,7 @@ use super::pictures::Pictures;
 use super::requests::Requests;
 use super::{Failures, SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
-use crate::detect::{Persistence, PersistenceOptions};
+use crate::detect::{Persistence, PersistenceOptions, Watch};
 use crate::shell::console::{print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Terms};
@@ -31,13 +31,13 @@ struct Frames {
     /// Read requests instead, JSON objects as in the API one after another, each with "frame": "path"; - is standard input.
     #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
     requests: Option<PathBuf>,
-    /// Take the frames as a sequence: each reply carries its number.
+    /// Take the frames as a sequence: each reply carries its number, and edge follows what it finds from frame to frame.
     #[arg(long)]
     sequence: bool,
     /// Draw what was found: a picture for a single frame, a folder for several.
     #[arg(long, value_name = "OUT")]
     annotate: Option<PathBuf>,
-    /// Method of detection: color (markers), or edge (anything that stands out from the sky).
+    /// Method of detection: color (markers), or edge (what flies, without markers).
     #[arg(long, value_name = "METHOD", default_value = "color", value_parser = named::<Method>)]
     method: Method,
     /// Preset of the method: thesis is that of the 2012 thesis, step for step.
@@ -46,15 +46,18 @@ struct Frames {
     /// The markers' colour: red, orange, yellow, green, cyan, blue or magenta.
     #[arg(long)]
     color: Option<String>,
-    /// edge: how colour becomes gray: luminosity, average or lightness.
+    /// edge, preset thesis: how colour becomes gray: luminosity, average or lightness.
     #[arg(long, value_name = "WAY", value_parser = named::<GrayName>)]
     gray: Option<GrayName>,
-    /// edge: the median's window, as in 9,10.
+    /// edge, preset thesis: the median's window, as in 9,10.
     #[arg(long, value_name = "ROWS,COLUMNS", value_parser = window)]
     median: Option<[usize; 2]>,
-    /// edge: gradient above which a pixel is an edge, as a share of full scale.
+    /// edge, preset thesis: gradient above which a pixel is an edge, as a share of full scale.
     #[arg(long, value_name = "RATIO")]
     threshold: Option<f64>,
+    /// edge: least probability of what is reported, 0 to 1.
+    #[arg(long, value_name = "PROBABILITY")]
+    min_score: Option<f64>,
     /// Smallest area in pixels.
     #[arg(long, value_name = "AREA")]
     min_area: Option<f64>,
@@ -155,6 +158,7 @@ impl Frames {
                 median_px: self.median,
                 threshold: self.threshold,
                 min_area_px: self.min_area,
+                min_score: self.min_score,
                 ..DetectorWire::default()
             },
             region_px: self.region,
@@ -233,7 +237,7 @@ struct Failed {
     error: Problem,
 }
 
-fn run(frames: &Frames, request: &FrameRequest, kind: Kind, mut persistence: Option<Persistence>) -> Result<(), Stop> {
+fn run(frames: &Frames, request: &FrameRequest, kind: Kind, persistence: Option<Persistence>) -> Result<(), Stop> {
     let settings = frames.settings.load(Vec::new())?;
     let terms = Terms::of(&settings);
     let runtime = runtime()?;
@@ -244,20 +248,24 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind, mut persistence: Opt
     let lookup = Lookup::new(store.as_ref(), std::sync::Arc::default());
     let jobs = frames.jobs(request)?;
     let sources: Vec<&Path> = jobs.iter().map(|job| job.path.as_path()).collect();
+    let mut memory = Memory { watch: frames.sequence.then(Watch::new), persistence };
     let mut pictures = Pictures::new(frames.annotate.as_deref(), &sources)?;
     let bar = progress(jobs.len(), "frames");
     let mut failures = Failures::default();
     for (index, job) in jobs.into_iter().enumerate() {
         let source = job.path.display().to_string();
         let frame_index = frames.sequence.then_some(index);
-        let answer = job.request.and_then(|request| {
+        let answer = job.request.and_then(|mut request| {
+            if frames.sequence {
+                request.frame_index = request.frame_index.or(Some(index as u64));
+            }
             let task = runtime.block_on(async {
                 match kind {
                     Kind::Detection => FrameTask::checked(request, &lookup).await,
                     Kind::Estimate => FrameTask::for_estimate(request, &lookup).await,
                 }
             })?;
-            answer(&job.path, &task, &terms, kind, persistence.as_mut(), &mut pictures)
+            answer(&job.path, &task, &terms, kind, &mut memory, &mut pictures)
         });
         let line = match answer {
             Ok(reply) => to_line(Line { source, frame_index, reply })?,
@@ -273,20 +281,29 @@ fn run(frames: &Frames, request: &FrameRequest, kind: Kind, mut persistence: Opt
     failures.into_result()
 }
 
+/// What is known of the frames before.
+struct Memory {
+    watch: Option<Watch>,
+    persistence: Option<Persistence>,
+}
+
 fn answer(
     path: &Path,
     task: &FrameTask,
     terms: &Terms,
     kind: Kind,
-    persistence: Option<&mut Persistence>,
+    memory: &mut Memory,
     pictures: &mut Pictures,
 ) -> Result<Value, Fault> {
     let bytes = std::fs::read(path).map_err(|error| unreadable_source(&error))?;
     let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
     match kind {
         Kind::Detection => {
-            let (frame, mut detection, timing) = task.detected(&bytes, terms)?;
-            if let Some(persistence) = persistence {
+            let (frame, mut detection, timing) = match &mut memory.watch {
+                Some(watch) => task.followed(&bytes, terms, watch)?,
+                None => task.detected(&bytes, terms)?,
+            };
+            if let Some(persistence) = &mut memory.persistence {
                 persistence.sift(&mut detection);
             }
             pictures.write(path, &frame, task, &Overlay::of(&detection, &[], &[]))?;

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::Terms;
 use crate::camera::Camera;
-use crate::detect::{Detection, Detector, detect};
+use crate::detect::{Detection, Detector, Stamp, Watch, detect};
 use crate::frame::{Decoding, Frame, RawFormat, Region};
 use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
@@ -27,12 +27,17 @@ pub struct FrameTask {
     max_instances: usize,
     pose: crate::pose::PoseOptions,
     timestamp_us: Option<i64>,
+    sequence: Option<String>,
+    frame_index: Option<u64>,
     apply_orientation: bool,
     raw: Option<(RawFormat, u32, u32)>,
 }
 
 /// Most targets looked for in one frame.
 const MAX_TARGETS: usize = 16;
+
+/// Longest name of a sequence, bytes.
+const MAX_SEQUENCE_NAME: usize = 128;
 
 /// Most of each target looked for in one frame.
 const MAX_INSTANCES: usize = 16;
@@ -67,15 +72,28 @@ impl FrameTask {
             (Some(format), Some(width), Some(height)) => Some((format.format(), width, height)),
             _ => return Err(Fault::senseless("/format", "a raw frame needs format, width and height, all three")),
         };
+        let detector = Detector::try_from(&request.detector).map_err(|fault| fault.within("/detector"))?;
+        if let Some(name) = &request.sequence {
+            if !matches!(detector, Detector::Sky(_)) {
+                let detail = "only the method edge, without the preset thesis, follows a sequence";
+                return Err(Fault::senseless("/sequence", detail));
+            }
+            if !(1..=MAX_SEQUENCE_NAME).contains(&name.len()) {
+                let detail = format!("a name of {} bytes: from 1 to {MAX_SEQUENCE_NAME} are accepted", name.len());
+                return Err(Fault::senseless("/sequence", detail));
+            }
+        }
         Ok(Self {
             id: request.id,
             camera,
             targets,
-            detector: Detector::try_from(&request.detector).map_err(|fault| fault.within("/detector"))?,
+            detector,
             region: request.region_px.map(|[x, y, width, height]| Region { x, y, width, height }),
             max_instances,
             pose: request.solver.options(request.refine),
             timestamp_us: request.timestamp_us,
+            sequence: request.sequence,
+            frame_index: request.frame_index,
             apply_orientation: request.orientation == OrientationHandling::Apply,
             raw,
         })
@@ -94,6 +112,9 @@ impl FrameTask {
         }
         if request.targets.is_empty() {
             return Err(Fault::senseless("/targets", "an estimate needs at least one target"));
+        }
+        if request.sequence.is_some() {
+            return Err(Fault::senseless("/sequence", "an estimate looks at a single frame; detections follow a sequence"));
         }
         Self::checked(request, lookup).await
     }
@@ -125,13 +146,39 @@ impl FrameTask {
     /// # Errors
     /// As [`decode`](Self::decode); a region that is not on the frame.
     pub fn detected(&self, bytes: &[u8], terms: &Terms) -> Result<(Frame, Detection, Timing), Fault> {
-        let mut watch = Stopwatch::start();
+        self.sighted(bytes, terms, |frame, region| detect(frame, region, &self.detector))
+    }
+
+    /// As [`detected`](Self::detected), for the next frame of a sequence. What knows no sequences takes it as a single frame.
+    ///
+    /// # Errors
+    /// As [`detected`](Self::detected); the sequence then is as it was.
+    pub fn followed(&self, bytes: &[u8], terms: &Terms, watch: &mut Watch) -> Result<(Frame, Detection, Timing), Fault> {
+        let Detector::Sky(options) = &self.detector else { return self.detected(bytes, terms) };
+        let stamp = Stamp { index: self.frame_index, timestamp_us: self.timestamp_us };
+        self.sighted(bytes, terms, |frame, region| watch.observe(frame, region, stamp, options))
+    }
+
+    fn sighted(
+        &self,
+        bytes: &[u8],
+        terms: &Terms,
+        look: impl FnOnce(&Frame, Region) -> Detection,
+    ) -> Result<(Frame, Detection, Timing), Fault> {
+        let mut stopwatch = Stopwatch::start();
         let frame = self.decode(bytes, terms)?;
-        let decode = watch.lap("decode");
+        let decode = stopwatch.lap("decode");
         let region = self.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height());
-        let detection = detect(&frame, region.map_err(|error| Fault::of_frame(&error))?, &self.detector);
-        let timing = Timing { decode, detect: watch.lap("detect"), identify: None, solve: None, total: watch.total() };
+        let detection = look(&frame, region.map_err(|error| Fault::of_frame(&error))?);
+        let detect = stopwatch.lap("detect");
+        let timing = Timing { decode, detect, identify: None, solve: None, total: stopwatch.total() };
         Ok((frame, detection, timing))
+    }
+
+    /// The sequence that the frame belongs to.
+    #[must_use]
+    pub fn sequence(&self) -> Option<&str> {
+        self.sequence.as_deref()
     }
 
     /// The blobs as a reply.
@@ -140,6 +187,7 @@ impl FrameTask {
         DetectionReply {
             id: self.id.clone(),
             frame: FrameInfo::of(frame, self.timestamp_us),
+            sequence: None,
             centroids: centroids_of(detection),
             refused: refused_of(detection),
             timing_us,
