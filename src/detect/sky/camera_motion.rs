@@ -60,6 +60,9 @@ const POINTS_ACROSS: usize = 40;
 /// still whatever the camera does.
 const QUIET: f32 = 200.0;
 
+/// Slopes below this tell nothing, in steps of the levels across two pixels: half a gray level.
+const LEAST_SLOPE: i32 = 100;
+
 /// A pixel of steep slope.
 #[derive(Clone, Copy, Debug)]
 struct Point {
@@ -81,7 +84,7 @@ pub struct Aligner {
 const STILLNESS: f64 = 1.0;
 
 /// Iterations at a level: steps are small after a few.
-const ITERATIONS: usize = 4;
+const ITERATIONS: usize = 6;
 
 impl Aligner {
     /// Where places of the new frame were in the one before. Levels are of equal size in both; the finest one is used only if there is
@@ -100,7 +103,7 @@ impl Aligner {
                     motion = still;
                 }
             }
-            let rounds = if level == finest { 3 } else { ITERATIONS };
+            let rounds = if level == finest { 4 } else { ITERATIONS };
             for _ in 0..rounds {
                 motion = self.step(&before[level], level, size, &motion);
             }
@@ -138,7 +141,10 @@ impl Aligner {
                         }
                     }
                 }
-                let (_, x, y, across, down) = best;
+                let (steepest, x, y, across, down) = best;
+                if steepest < LEAST_SLOPE {
+                    continue;
+                }
                 // From the frame's middle, in px of the frame.
                 let u = (x as f32 + 0.5) * scale - middle[0];
                 let v = (y as f32 + 0.5) * scale - middle[1];

@@ -20,8 +20,8 @@ pub struct Cues {
     pub openness: f32,
     /// How restless the ring around it is, of its contrast.
     pub unrest: f32,
-    /// How long it is for its width, natural logarithm.
-    pub elongation_ln: f32,
+    /// Height over width, natural logarithm: what stands is taller, what flies is wider.
+    pub upright_ln: f32,
     /// Others near it, each counted as far as it stands out as much.
     pub crowd: f32,
     /// Contrast above it in the frame, mean, gray levels, natural logarithm of one more.
@@ -45,7 +45,7 @@ impl Cues {
             self.size_ln,
             self.openness,
             self.unrest,
-            self.elongation_ln,
+            self.upright_ln,
             self.crowd,
             self.above_ln,
             self.below_ln,
@@ -57,9 +57,9 @@ impl Cues {
     /// Of every cue.
     #[must_use]
     pub const fn of_numbers(numbers: [f32; 12]) -> Self {
-        let [contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on, foot] =
+        let [contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, upright_ln, crowd, above_ln, below_ln, goes_on, foot] =
             numbers;
-        Self { contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, elongation_ln, crowd, above_ln, below_ln, goes_on, foot }
+        Self { contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, upright_ln, crowd, above_ln, below_ln, goes_on, foot }
     }
 }
 
@@ -228,7 +228,7 @@ impl Finder {
                 size_ln: (outline.area.sqrt() * scale as f32).ln(),
                 openness: outline.openness,
                 unrest: outline.unrest,
-                elongation_ln: outline.elongation.ln(),
+                upright_ln: upright_ln(bounds),
                 crowd: 0.0,
                 above_ln,
                 below_ln,
@@ -288,7 +288,7 @@ impl Finder {
                 size_ln: 0.5 * (area_px as f32).ln(),
                 openness: worst / piece.ratio,
                 unrest: mean / piece.ratio,
-                elongation_ln: outline.filter(|_| across.max(down) <= 4).map_or(elongation, |outline| outline.elongation).ln(),
+                upright_ln: upright_ln(bounds),
                 crowd: 0.0,
                 above_ln,
                 below_ln,
@@ -349,6 +349,12 @@ impl Finder {
         let (top, bottom) = ((top / side).floor() as i64, (bottom / side).ceil() as i64);
         (mean(top - 6, top - 1), mean(bottom + 1, bottom + 6))
     }
+}
+
+fn upright_ln([left, top, right, bottom]: [f64; 4]) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "a ratio of sides")]
+    let ratio = ((bottom - top + 1.0) / (right - left + 1.0)) as f32;
+    ratio.ln()
 }
 
 fn push_peaks(cells: &Cells, level: usize, floor: f32, is_moving: bool, peaks: &mut Vec<Peak>) {

@@ -97,7 +97,7 @@ fn compare(level: &Level, past: &[u16], motion: &CameraMotion, scale: f64, frame
 }
 
 /// A step of the picture by this share of a pixel is the aligner's error, not a change.
-const SLACK_SHIFT: u32 = 2;
+const SLACK_SHIFT: u32 = 1;
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
 fn compare_run(

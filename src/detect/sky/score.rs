@@ -42,7 +42,7 @@ pub fn features(track: &Track) -> [f64; CUES] {
         f64::from(cues.size_ln),
         f64::from(cues.openness.min(1.5)),
         f64::from(cues.unrest.min(1.0)),
-        f64::from(cues.elongation_ln),
+        f64::from(cues.upright_ln),
         f64::from(cues.crowd.ln_1p()),
         f64::from(cues.above_ln),
         f64::from(cues.below_ln),
@@ -50,7 +50,7 @@ pub fn features(track: &Track) -> [f64; CUES] {
         f64::from(cues.foot.min(1.5)),
         f64::from(track.hits).ln().min(4.0),
         track.presence,
-        track.drift_px().ln_1p(),
+        track.drift_ratio().ln_1p(),
         speed.ln_1p(),
     ]
 }

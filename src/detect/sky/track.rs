@@ -43,6 +43,8 @@ pub struct Track {
     pub jitter: f64,
     /// Mean square of late relative changes of its area: what flaps its wings flickers.
     pub flicker: f64,
+    /// How far the camera has moved lately, px: over it, the scene's own place is known the worse.
+    pub camera_path: f64,
     area_ln: f64,
 }
 
@@ -52,6 +54,8 @@ const MEMORY: f64 = 12.0;
 const ANCHOR_MEMORY: f64 = 30.0;
 /// Standard deviation of the acceleration, px a frame squared.
 const AGILITY: f64 = 0.7;
+/// Error of the camera's path, as a share of it.
+const PATH_ERROR: f64 = 0.2;
 /// Standard deviation of the first velocity, px a frame.
 const FIRST_VELOCITY: f64 = 4.0;
 
@@ -74,6 +78,7 @@ impl Track {
             anchor: seen.place,
             jitter: 0.0,
             flicker: 0.0,
+            camera_path: 0.0,
             area_ln: seen.area_px.max(1.0).ln(),
         }
     }
@@ -103,6 +108,7 @@ impl Track {
             [x + middle[0], y + middle[1]]
         };
         let before = self.place;
+        self.camera_path += motion.shift_px[0].hypot(motion.shift_px[1]) - self.camera_path / ANCHOR_MEMORY;
         self.anchor = moved(self.anchor);
         self.place = moved(self.place);
         for axis in 0..2 {
@@ -180,6 +186,12 @@ impl Track {
         for axis in 0..2 {
             self.anchor[axis] += (self.place[axis] - self.anchor[axis]) / ANCHOR_MEMORY;
         }
+    }
+
+    /// How far it has come of its own lately, in units of what the camera's motion leaves uncertain.
+    #[must_use]
+    pub fn drift_ratio(&self) -> f64 {
+        self.drift_px() / (1.0 + PATH_ERROR * self.camera_path)
     }
 
     /// How far it has come of its own lately, px.
