@@ -405,6 +405,31 @@ fn edges_of_a_sequence_are_kept_where_they_last() {
 }
 
 #[test]
+fn what_flies_keeps_its_number_through_a_folder() {
+    let desk = Desk::new();
+    std::fs::create_dir(desk.path("flight")).expect("a folder");
+    for index in 0..6 {
+        let sample = |u: i32, v: i32| if (u - 40 - 3 * index).abs() <= 2 && (v - 60).abs() <= 1 { 60 } else { 180 };
+        let samples = (0..128).flat_map(|v| (0..160).map(move |u| sample(u, v)));
+        let picture = [b"P5\n160 128\n255\n".to_vec(), samples.collect()].concat();
+        desk.write(&format!("flight/{index}.pgm"), &picture);
+    }
+    let said = desk.run(&["detect", "--method", "edge", "--sequence", "flight"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let replies = said.lines();
+    assert_eq!(replies.len(), 6);
+    for (index, reply) in replies.iter().enumerate() {
+        assert_eq!(reply["frame_index"], index);
+        assert!(reply["centroids"][0]["track_id"].is_u64(), "{reply}");
+        assert_eq!(reply["centroids"][0]["track_id"], replies[0]["centroids"][0]["track_id"]);
+    }
+    let single = desk.run(&["detect", "--method", "edge", "flight"]);
+    assert!(single.lines().iter().all(|reply| reply["centroids"][0].get("track_id").is_none()), "{single:?}");
+    let said = desk.run(&["detect", "--method", "edge", "--min-score", "7", "flight"]);
+    assert!(said.code == Some(2) && said.err.contains("/detector/min_score"), "{said:?}");
+}
+
+#[test]
 fn a_text_that_calls_itself_a_picture_harms_no_other_frame() {
     let desk = Desk::new();
     desk.write("ab.jpg", b"This is no picture.");

@@ -26,6 +26,9 @@ pub mod silhouette;
 pub mod track;
 pub mod watch;
 
+#[cfg(test)]
+mod tests;
+
 use super::{Centroid, Detection, in_frame};
 use crate::frame::{Frame, Region};
 use track::Track;

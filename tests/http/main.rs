@@ -13,5 +13,7 @@ mod faults;
 mod frames;
 mod life;
 mod poses;
+mod sequences;
+mod sequences;
 mod station;
 mod things;

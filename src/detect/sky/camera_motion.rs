@@ -25,10 +25,7 @@ impl CameraMotion {
     /// Where a place of this frame was, both from the middle.
     #[must_use]
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [
-            x + self.shift_px[0] + self.zoom * x - self.turn * y,
-            y + self.shift_px[1] + self.turn * x + self.zoom * y,
-        ]
+        [x + self.shift_px[0] + self.zoom * x - self.turn * y, y + self.shift_px[1] + self.turn * x + self.zoom * y]
     }
 
     /// Where a place of the frame before is now.
@@ -45,11 +42,7 @@ impl CameraMotion {
     pub fn then(&self, before: &Self) -> Self {
         let (a, b) = (1.0 + self.zoom, self.turn);
         let (c, d) = (1.0 + before.zoom, before.turn);
-        Self {
-            shift_px: before.apply(self.shift_px),
-            zoom: a * c - b * d - 1.0,
-            turn: a * d + b * c,
-        }
+        Self { shift_px: before.apply(self.shift_px), zoom: a * c - b * d - 1.0, turn: a * d + b * c }
     }
 }
 
@@ -169,7 +162,11 @@ impl Aligner {
         if !(x >= 0.0 && y >= 0.0) {
             return None;
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, and small or refused")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not negative, and small or refused"
+        )]
         let (column, row) = (x as usize, y as usize);
         if column + 1 >= before.width || row + 1 >= before.height {
             return None;
@@ -232,10 +229,22 @@ impl Aligner {
         let ridges = [rest, rest, 4.0 * rest, 4.0 * rest];
         let from_rest = [motion.shift_px[0], motion.shift_px[1], motion.zoom * half, motion.turn * half];
         let matrix = Matrix4::new(
-            n[0] + ridges[0], n[1], n[3], n[6],
-            n[1], n[2] + ridges[1], n[4], n[7],
-            n[3], n[4], n[5] + ridges[2], n[8],
-            n[6], n[7], n[8], n[9] + ridges[3],
+            n[0] + ridges[0],
+            n[1],
+            n[3],
+            n[6],
+            n[1],
+            n[2] + ridges[1],
+            n[4],
+            n[7],
+            n[3],
+            n[4],
+            n[5] + ridges[2],
+            n[8],
+            n[6],
+            n[7],
+            n[8],
+            n[9] + ridges[3],
         );
         let right = Vector4::from_fn(|i, _| f64::from(right[i]) + ridges[i] * from_rest[i]);
         let Some(step) = matrix.cholesky().map(|factor| factor.solve(&right)) else { return *motion };
@@ -243,6 +252,67 @@ impl Aligner {
             shift_px: [motion.shift_px[0] - step[0], motion.shift_px[1] - step[1]],
             zoom: motion.zoom - step[2] / half,
             turn: motion.turn - step[3] / half,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOTION: CameraMotion = CameraMotion { shift_px: [3.2, -1.7], zoom: 0.004, turn: -0.003 };
+
+    #[test]
+    fn a_motion_undone_is_none_and_two_are_one() {
+        let place = [101.0, -57.0];
+        let back = MOTION.invert(MOTION.apply(place));
+        assert!((back[0] - place[0]).hypot(back[1] - place[1]) < 1e-9);
+        let before = CameraMotion { shift_px: [-0.4, 5.0], zoom: -0.02, turn: 0.03 };
+        let (twice, once) = (before.apply(MOTION.apply(place)), MOTION.then(&before).apply(place));
+        assert!((twice[0] - once[0]).hypot(twice[1] - once[1]) < 1e-9);
+    }
+
+    /// Levels of a scene of which a pixel at `place` from the middle shows what is at `of(place)`.
+    fn levels(of: impl Fn([f64; 2]) -> [f64; 2], target: [f64; 2]) -> (Vec<Level>, Vec<Cells>) {
+        let samples: Vec<u8> = (0..256 * 320)
+            .map(|index| {
+                let place = [f64::from(index % 320) + 0.5 - 160.0, f64::from(index / 320) + 0.5 - 128.0];
+                let [x, y] = of(place);
+                let texture =
+                    (x / 5.0).sin() * (y / 7.0).cos() + (x / 17.0 + y / 11.0).sin() + (y / 23.0 - x / 40.0).cos();
+                // It moves its own way.
+                let is_target = (place[0] - target[0]).hypot(place[1] - target[1]) < 14.0;
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "of 255")]
+                let sample = if is_target { 20 } else { (128.0 + 30.0 * texture) as u8 };
+                sample
+            })
+            .collect();
+        let mut levels = vec![Level::default(); 4];
+        levels[0].take_frame(&samples, 320, 256);
+        for index in 1..4 {
+            let (below, above) = levels.split_at_mut(index);
+            above[0].take_half(&below[index - 1]);
+        }
+        let cells = levels.iter().map(|level| {
+            let map: Vec<u16> = level.contrast.iter().map(|contrast| contrast.unsigned_abs()).collect();
+            let mut cells = Cells::default();
+            cells.take(&map, level.width, level.height);
+            cells
+        });
+        let cells = cells.collect();
+        (levels, cells)
+    }
+
+    #[test]
+    fn the_motion_of_a_scene_is_found_though_something_in_it_moves_otherwise() {
+        let (before, _) = levels(|place| place, [40.0, 20.0]);
+        let (new, cells) = levels(|place| MOTION.apply(place), [49.0, 15.0]);
+        let found = Aligner::default().align(&new, &cells, &before, CameraMotion::default());
+        for place in [[0.0, 0.0], [-140.0, 100.0], [140.0, -100.0]] {
+            let (truth, found) = (MOTION.apply(place), found.apply(place));
+            let error = (truth[0] - found[0]).hypot(truth[1] - found[1]);
+            // The finest level used has pixels of two; a camera is drawn a little towards rest.
+            assert!(error < 0.5, "{error} px at {place:?}");
         }
     }
 }

@@ -57,9 +57,34 @@ impl Cues {
     /// Of every cue.
     #[must_use]
     pub const fn of_numbers(numbers: [f32; 12]) -> Self {
-        let [contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, upright_ln, crowd, above_ln, below_ln, goes_on, foot] =
-            numbers;
-        Self { contrast_ln, moving_ln, height_ln, size_ln, openness, unrest, upright_ln, crowd, above_ln, below_ln, goes_on, foot }
+        let [
+            contrast_ln,
+            moving_ln,
+            height_ln,
+            size_ln,
+            openness,
+            unrest,
+            upright_ln,
+            crowd,
+            above_ln,
+            below_ln,
+            goes_on,
+            foot,
+        ] = numbers;
+        Self {
+            contrast_ln,
+            moving_ln,
+            height_ln,
+            size_ln,
+            openness,
+            unrest,
+            upright_ln,
+            crowd,
+            above_ln,
+            below_ln,
+            goes_on,
+            foot,
+        }
     }
 }
 
@@ -107,9 +132,9 @@ const MOVING_FLOOR: f32 = 0.25 * STEPS;
 /// A peak stands out from its surroundings by this at least.
 const LEAST_RATIO: f32 = 2.5;
 /// Peaks looked at in a frame, of contrast and of what moves.
-const MOST_PEAKS: [usize; 2] = [96, 48];
+const MOST_PEAKS: [usize; 2] = [96, 64];
 /// Candidates of a frame.
-pub const MOST_CANDIDATES: usize = 48;
+pub const MOST_CANDIDATES: usize = 72;
 /// Others count as near within this, px.
 const CROWD_REACH_PX: f64 = 64.0;
 
@@ -182,7 +207,11 @@ impl Finder {
             if found.len() == MOST_CANDIDATES {
                 break;
             }
-            let is_known = found.iter().any(|known| known.holds(candidate.place) || (known.cues.goes_on > 0.0 || known.area_px < 4.0 * candidate.area_px) && candidate.holds(known.place));
+            let is_known = found.iter().any(|known| {
+                known.holds(candidate.place)
+                    || (known.cues.goes_on > 0.0 || known.area_px < 4.0 * candidate.area_px)
+                        && candidate.holds(known.place)
+            });
             if !is_known {
                 found.push(*candidate);
             }
@@ -268,7 +297,7 @@ impl Finder {
         }
         let (most, x, y) = best;
         let outline = outline(level, x, y);
-        if let Some(outline) = outline.filter(|outline| across.max(down) <= 4 && !outline.goes_on) {
+        if let Some(outline) = outline.filter(|_| across.max(down) <= 4) {
             let scale = f64::from(1_u32 << index);
             place = outline.place.map(|along| (f64::from(along) + 0.5) * scale - 0.5);
             bounds = outline.bounds.map(|along| along as f64 * scale);

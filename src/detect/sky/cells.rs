@@ -58,8 +58,9 @@ impl Cells {
         let sum = |partial: &[f32], row: usize, column: usize, reach: usize| {
             let (top, left) = (row.saturating_sub(reach), column.saturating_sub(reach));
             let (bottom, right) = ((row + reach + 1).min(rows), (column + reach + 1).min(columns));
-            let total = partial[bottom * stride + right] - partial[top * stride + right] - partial[bottom * stride + left]
-                + partial[top * stride + left];
+            let total =
+                partial[bottom * stride + right] - partial[top * stride + right] - partial[bottom * stride + left]
+                    + partial[top * stride + left];
             (total, ((bottom - top) * (right - left)) as f32)
         };
         for row in 0..rows {
@@ -106,5 +107,46 @@ fn sum_up(lines: &[u16], width: usize, mean: &mut [f32], most: &mut [u16]) {
         }
         *mean = sums.iter().sum::<u32>() as f32 / (SIDE * SIDE) as f32;
         *most = peaks.iter().copied().max().unwrap_or(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::random;
+
+    #[test]
+    fn sums_and_rings_are_those_of_their_definition() {
+        let mut rng = random::named("cells");
+        for (width, height) in [(8, 8), (75, 60), (160, 90), (9, 7)] {
+            let map: Vec<u16> = (0..width * height).map(|_| rng.random_range(0..32_640)).collect();
+            let mut cells = Cells::default();
+            cells.take(&map, width, height);
+            let (columns, rows) = (width / SIDE, height / SIDE);
+            assert_eq!([cells.columns, cells.rows], [columns, rows]);
+            let inside = |column: usize, row: usize| {
+                (0..SIDE * SIDE).map(move |i| (row * SIDE + i / SIDE) * width + column * SIDE + i % SIDE)
+            };
+            let mean = |column: usize, row: usize| {
+                inside(column, row).map(|at| f64::from(map[at])).sum::<f64>() / (SIDE * SIDE) as f64
+            };
+            for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+                let at = row * columns + column;
+                assert!((f64::from(cells.mean[at]) - mean(column, row)).abs() < 0.01);
+                assert_eq!(Some(cells.most[at]), inside(column, row).map(|at| map[at]).max());
+                let ring: Vec<f64> = (0..rows)
+                    .flat_map(|r| (0..columns).map(move |c| (r, c)))
+                    .filter(|(r, c)| (2..=3).contains(&r.abs_diff(row).max(c.abs_diff(column))))
+                    .map(|(r, c)| mean(c, r))
+                    .collect();
+                if !ring.is_empty() {
+                    let clutter = ring.iter().sum::<f64>() / ring.len() as f64;
+                    // An integral in single precision.
+                    assert!((f64::from(cells.clutter[at]) / clutter - 1.0).abs() < 1e-3);
+                }
+            }
+        }
     }
 }

@@ -65,18 +65,12 @@ fn compare(level: &Level, past: &[u16], motion: &CameraMotion, scale: f64, frame
         let mut x = 1;
         while x + 1 < width {
             let count = BLOCK.min(width - 1 - x);
-            let centre = [
-                (x as f64 + 0.5 * count as f64) * scale - middle[0],
-                (y as f64 + 0.5) * scale - middle[1],
-            ];
+            let centre = [(x as f64 + 0.5 * count as f64) * scale - middle[0], (y as f64 + 0.5) * scale - middle[1]];
             let [u, v] = motion.apply(centre);
             let [dx, dy] = [(u - centre[0]) / scale, (v - centre[1]) / scale];
             #[expect(clippy::cast_possible_truncation, reason = "a motion is bounded by the frame")]
             let (column, row) = (x as i64 + dx.floor() as i64, y as i64 + dy.floor() as i64);
-            let fits = column >= 0
-                && row >= 0
-                && column + count as i64 + 1 <= width as i64
-                && row + 2 <= height as i64;
+            let fits = column >= 0 && row >= 0 && column + count as i64 + 1 <= width as i64 && row + 2 <= height as i64;
             if fits {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1 in 1/128")]
                 let fraction = [(dx - dx.floor()) * 128.0, (dy - dy.floor()) * 128.0].map(|part| part as u32);
@@ -120,5 +114,37 @@ fn compare_run(
         #[expect(clippy::cast_possible_truncation, reason = "contrast is below 2^15")]
         let least = beyond.min(u32::from(contrast[i].unsigned_abs())) as u16;
         out[i] = least;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::random;
+
+    #[test]
+    fn a_run_is_that_of_its_definition() {
+        let mut rng = random::named("change");
+        for count in [1, 5, 16] {
+            let mut line = |length: usize| -> Vec<u16> { (0..length).map(|_| rng.random_range(0..32_640)).collect() };
+            let (above, row, below) = (line(count), line(count + 2), line(count));
+            let (upper, lower) = (line(count + 1), line(count + 1));
+            let contrast: Vec<i16> = line(count).iter().map(|value| value.cast_signed() / 2 - 8000).collect();
+            let (fx, fy) = (37, 101);
+            let mut out = vec![0; count];
+            compare_run([&above, &row, &below], &contrast, [&upper, &lower], [fx, fy], &mut out);
+            for i in 0..count {
+                let (x, y) = (f64::from(fx) / 128.0, f64::from(fy) / 128.0);
+                let of = |line: &[u16]| (1.0 - x) * f64::from(line[i]) + x * f64::from(line[i + 1]);
+                let change = ((1.0 - y) * of(&upper) + y * of(&lower) - f64::from(row[i + 1])).abs();
+                let slope = row[i].abs_diff(row[i + 2])
+                    + above[i].abs_diff(below[i]).min(u16::MAX - row[i].abs_diff(row[i + 2]));
+                let least = (change - f64::from(slope) / 2.0).max(0.0).min(f64::from(contrast[i]).abs());
+                // Weights of 1/128, rounded down twice.
+                assert!((f64::from(out[i]) - least).abs() <= 3.0, "{} {least}", out[i]);
+            }
+        }
     }
 }

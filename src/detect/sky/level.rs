@@ -57,7 +57,7 @@ impl Level {
 
     fn fill(&mut self) {
         let (width, height) = (self.width, self.height);
-        if width == 0 {
+        if width == 0 || height == 0 {
             return;
         }
         let last = height - 1;
@@ -132,5 +132,61 @@ fn halve(upper: &[u16], lower: &[u16], out: &mut [u16]) {
     for (out, ([a, b], [c, d])) in out.iter_mut().zip(pairs) {
         // Sums of two stay within 16 bits; 16 is what the binomial multiplied by.
         *out = (((a + b) >> 1) + ((c + d) >> 1)) >> 5;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A level by its definition, pixel by pixel.
+    fn slow(raw: &[u16], width: usize, height: usize) -> (Vec<u16>, Vec<i16>) {
+        let at = |plane: &[u32], x: i64, y: i64| {
+            let (x, y) = (x.clamp(0, width as i64 - 1), y.clamp(0, height as i64 - 1));
+            plane[usize::try_from(y).expect("clamped") * width + usize::try_from(x).expect("clamped")]
+        };
+        let each = |of: &dyn Fn(i64, i64) -> u32| -> Vec<u32> {
+            (0..height as i64).flat_map(|y| (0..width as i64).map(move |x| (x, y))).map(|(x, y)| of(x, y)).collect()
+        };
+        let raw: Vec<u32> = raw.iter().map(|value| u32::from(*value)).collect();
+        let down = each(&|x, y| at(&raw, x, y - 1) + 2 * at(&raw, x, y) + at(&raw, x, y + 1));
+        let smooth = each(&|x, y| at(&down, x - 1, y) + 2 * at(&down, x, y) + at(&down, x + 1, y));
+        let weigh = |[a, b, c, d, e]: [u32; 5]| (((a + e) / 2 + c) / 2 + (b + d) / 2) / 2;
+        let down = each(&|x, y| weigh([-4, -2, 0, 2, 4].map(|step| at(&smooth, x, y + step))));
+        let around = each(&|x, y| weigh([-4, -2, 0, 2, 4].map(|step| at(&down, x + step, y))));
+        let contrast =
+            smooth.iter().zip(&around).map(|(a, b)| i16::try_from(i64::from(*a) - i64::from(*b)).expect("16 bits"));
+        (smooth.iter().map(|value| u16::try_from(*value).expect("16 bits")).collect(), contrast.collect())
+    }
+
+    proptest! {
+        #[test]
+        fn a_level_is_that_of_its_definition(width in 1_usize..70, height in 1_usize..20, seed in any::<u64>()) {
+            let mut state = seed | 1;
+            let samples: Vec<u8> = (0..width * height)
+                .map(|_| {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    // Full black and white too: the sums are as large as they get.
+                    if state >> 62 == 0 { 255 } else { (state >> 56) as u8 }
+                })
+                .collect();
+            let mut level = Level::default();
+            level.take_frame(&samples, width, height);
+            let raw: Vec<u16> = samples.iter().map(|sample| u16::from(*sample) * 8).collect();
+            let (smooth, contrast) = slow(&raw, width, height);
+            prop_assert_eq!(&level.smooth, &smooth);
+            prop_assert_eq!(&level.contrast, &contrast);
+            let mut half = Level::default();
+            half.take_half(&level);
+            prop_assert_eq!([half.width, half.height], [width / 2, height / 2]);
+            for (index, value) in half.raw.iter().enumerate() {
+                let (x, y) = (index % (width / 2), index / (width / 2));
+                let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| f64::from(smooth[(2 * y + j) * width + 2 * x + i]));
+                // Rounded down three times.
+                prop_assert!((f64::from(*value) - four.iter().sum::<f64>() / 64.0).abs() <= 1.5);
+            }
+        }
     }
 }

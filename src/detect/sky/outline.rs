@@ -33,8 +33,22 @@ const DIRECTIONS: [[f32; 2]; 16] = {
     const B: f32 = core::f32::consts::FRAC_1_SQRT_2;
     const C: f32 = 0.382_683_43;
     [
-        [1.0, 0.0], [A, C], [B, B], [C, A], [0.0, 1.0], [-C, A], [-B, B], [-A, C],
-        [-1.0, 0.0], [-A, -C], [-B, -B], [-C, -A], [0.0, -1.0], [C, -A], [B, -B], [A, -C],
+        [1.0, 0.0],
+        [A, C],
+        [B, B],
+        [C, A],
+        [0.0, 1.0],
+        [-C, A],
+        [-B, B],
+        [-A, C],
+        [-1.0, 0.0],
+        [-A, -C],
+        [-B, -B],
+        [-C, -A],
+        [0.0, -1.0],
+        [C, -A],
+        [B, -B],
+        [A, -C],
     ]
 };
 
@@ -104,7 +118,8 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
             }
             let (column, row) = (column - 1, row - 1);
             let bit = 1 << (column - left);
-            if seen[row - top] & bit == 0 && signed(f32::from(level.smooth[row * width + column]) - background) > quarter
+            if seen[row - top] & bit == 0
+                && signed(f32::from(level.smooth[row * width + column]) - background) > quarter
             {
                 seen[row - top] |= bit;
                 #[expect(clippy::cast_possible_truncation, reason = "inside the window")]
@@ -122,7 +137,8 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     let elongation = ((0.5 * (xx + yy) + root) / (0.5 * (xx + yy) - root).max(0.05)).sqrt();
     // Once around the thing, at a distance that its own blur does not reach.
     let (half_across, half_down) = (0.5 * (bounds[2] - bounds[0]) as f32, 0.5 * (bounds[3] - bounds[1]) as f32);
-    let (cu, cv) = (0.5 * (bounds[0] + bounds[2] - 1) as f32 - x as f32, 0.5 * (bounds[1] + bounds[3] - 1) as f32 - y as f32);
+    let (cu, cv) =
+        (0.5 * (bounds[0] + bounds[2] - 1) as f32 - x as f32, 0.5 * (bounds[1] + bounds[3] - 1) as f32 - y as f32);
     let (mut worst, mut unrest) = (0.0_f32, 0.0_f32);
     for [dx, dy] in DIRECTIONS {
         let value = clamped(cu + dx * (1.4 * half_across + 3.0), cv + dy * (1.4 * half_down + 3.0)) - background;

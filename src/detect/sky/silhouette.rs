@@ -13,7 +13,7 @@ pub const SQUARE: usize = 4;
 /// Levels that count: edges of a large thing are sharp, those of clouds are not.
 const LEVELS: usize = 3;
 /// Contrast over clutter of what belongs to a thing, and of its strongest part.
-const RATIOS: [f32; 2] = [3.0, 5.0];
+const RATIOS: [f32; 2] = [3.0, 4.5];
 
 /// A piece of the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -218,5 +218,69 @@ fn root(parents: &mut [u32], mut label: u32) -> u32 {
 fn raise_lines(most: &mut [u16], contrast: &[i16]) {
     for (most, contrast) in most.iter_mut().zip(contrast) {
         *most = (*most).max(contrast.unsigned_abs());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
+    use rand::RngExt;
+
+    use super::*;
+    use crate::random;
+
+    /// Pieces by filling: squares belong together if at most one lies between them.
+    fn slow(map: &[f32], columns: usize, rows: usize) -> BTreeSet<Vec<(usize, usize)>> {
+        let mut left: BTreeSet<(usize, usize)> = (0..rows)
+            .flat_map(|row| (0..columns).map(move |column| (column, row)))
+            .filter(|(column, row)| map[row * columns + column] > RATIOS[0])
+            .collect();
+        let mut pieces = BTreeSet::new();
+        while let Some(first) = left.pop_first() {
+            let (mut piece, mut open) = (vec![first], vec![first]);
+            while let Some((x, y)) = open.pop() {
+                // Their surroundings of 3 by 3 overlap or touch side by side.
+                let near: Vec<_> = left
+                    .iter()
+                    .copied()
+                    .filter(|(u, v)| {
+                        let (across, down) = (x.abs_diff(*u), y.abs_diff(*v));
+                        across.max(down) <= 3 && across.min(down) <= 2
+                    })
+                    .collect();
+                for place in near {
+                    left.remove(&place);
+                    piece.push(place);
+                    open.push(place);
+                }
+            }
+            piece.sort_unstable();
+            pieces.insert(piece);
+        }
+        pieces
+    }
+
+    #[test]
+    fn pieces_are_those_of_filling() {
+        let mut rng = random::named("silhouettes");
+        for share in [0.01, 0.03, 0.08] {
+            let mut found = Silhouettes { columns: 40, rows: 30, ..Silhouettes::default() };
+            found.map = (0..40 * 30).map(|_| if rng.random::<f64>() < share { 9.0 } else { 1.0 }).collect();
+            found.join();
+            let slow = slow(&found.map, 40, 30);
+            assert_eq!(found.found.len(), slow.len());
+            let mut sizes: BTreeMap<(usize, usize, u32), i32> = BTreeMap::new();
+            for piece in &found.found {
+                *sizes.entry((piece.bounds[0], piece.bounds[1], piece.squares)).or_default() += 1;
+            }
+            for piece in &slow {
+                let left = piece.iter().map(|place| place.0).min().expect("some");
+                let top = piece.iter().map(|place| place.1).min().expect("some");
+                let count = u32::try_from(piece.len()).expect("few");
+                *sizes.entry((left, top, count)).or_default() -= 1;
+            }
+            assert!(sizes.values().all(|count| *count == 0), "{sizes:?}");
+        }
     }
 }

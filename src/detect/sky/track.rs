@@ -134,7 +134,7 @@ impl Track {
             return None;
         }
         let growth = f64::from(candidate.cues.size_ln - self.seen.cues.size_ln).abs();
-        if growth > 1.4 {
+        if growth > 2.2 {
             return None;
         }
         let fade = f64::from(candidate.cues.contrast_ln - self.cues.contrast_ln).abs();
@@ -204,5 +204,5 @@ impl Track {
 /// Standard deviation of a candidate's place: blur and pixels, and a share of its size, as parts of it light up.
 #[must_use]
 pub fn spread_px(candidate: &Candidate) -> f64 {
-    0.4 + 0.08 * f64::from(candidate.cues.size_ln).exp()
+    0.4 + 0.12 * f64::from(candidate.cues.size_ln).exp()
 }

@@ -14,7 +14,7 @@ const LEAST_SIDE: usize = 24;
 /// A frame of which more than this share is new is of another scene. Cuts have 0.5 and more, moving cameras 0.2 and less.
 const CUT_RATIO: f32 = 0.35;
 /// Most tracks at a time.
-const MOST_TRACKS: usize = 64;
+const MOST_TRACKS: usize = 96;
 /// Frames that may be missing; over more, a thing is not found again by where it was.
 pub const MOST_MISSING: u64 = 3;
 /// Longest time from frame to frame, us.

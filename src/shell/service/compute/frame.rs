@@ -114,7 +114,10 @@ impl FrameTask {
             return Err(Fault::senseless("/targets", "an estimate needs at least one target"));
         }
         if request.sequence.is_some() {
-            return Err(Fault::senseless("/sequence", "an estimate looks at a single frame; detections follow a sequence"));
+            return Err(Fault::senseless(
+                "/sequence",
+                "an estimate looks at a single frame; detections follow a sequence",
+            ));
         }
         Self::checked(request, lookup).await
     }
@@ -153,7 +156,12 @@ impl FrameTask {
     ///
     /// # Errors
     /// As [`detected`](Self::detected); the sequence then is as it was.
-    pub fn followed(&self, bytes: &[u8], terms: &Terms, watch: &mut Watch) -> Result<(Frame, Detection, Timing), Fault> {
+    pub fn followed(
+        &self,
+        bytes: &[u8],
+        terms: &Terms,
+        watch: &mut Watch,
+    ) -> Result<(Frame, Detection, Timing), Fault> {
         let Detector::Sky(options) = &self.detector else { return self.detected(bytes, terms) };
         let stamp = Stamp { index: self.frame_index, timestamp_us: self.timestamp_us };
         self.sighted(bytes, terms, |frame, region| watch.observe(frame, region, stamp, options))
