@@ -3,7 +3,7 @@
 //!
 //! A frame's walk: a pyramid of five levels ([`level`]); what stands out at each from its surroundings, over the clutter around
 //! ([`cells`]); whole things as pieces that hang together in otherwise quiet sky ([`silhouette`]), and single peaks where there is no
-//! quiet ([`candidate`], [`outline`]). In a sequence also the camera's own motion ([`camera_motion`]) and what moves against it
+//! quiet ([`finder`], [`outline`]). In a sequence also the camera's own motion ([`camera_motion`]) and what moves against it
 //! ([`change`]); candidates become tracks at the sequence's full rate ([`track`]); what their late frames told makes a probability
 //! ([`score`]) and, where shape and motion allow, a class ([`kind`]). [`Watch`] is all of it, frame by frame.
 //!
@@ -16,6 +16,7 @@ pub mod camera_motion;
 pub mod candidate;
 pub mod cells;
 pub mod change;
+pub mod finder;
 pub mod kind;
 pub mod level;
 mod luma;
@@ -107,4 +108,16 @@ fn centroid(track: &Track, region: Region) -> Centroid {
         class: kind::class(track),
         track_id: Some(track.id),
     }
+}
+
+/// In single precision.
+#[expect(clippy::cast_possible_truncation, reason = "what is lost is far below a pixel or a gray level")]
+const fn single(number: f64) -> f32 {
+    number as f32
+}
+
+/// Rounded down; 0 for what is below.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is what it is for")]
+const fn whole(number: f64) -> usize {
+    number.max(0.0) as usize
 }

@@ -9,6 +9,7 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::cells::Cells;
 use super::level::Level;
+use super::single;
 
 /// `x' = x + t_x + zoom x - turn y`, `y' = y + t_y + turn x + zoom y`, in px of the frame from its middle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -117,7 +118,7 @@ impl Aligner {
         }
         let block = (width / POINTS_ACROSS).max(1);
         let scale = (1 << index) as f32;
-        let middle = [0.5 * size[0] as f32, 0.5 * size[1] as f32];
+        let middle = size.map(|side| single(0.5 * side));
         for top in (1..height - 1).step_by(block) {
             for left in (1..width - 1).step_by(block) {
                 let mut best = (-1_i32, 0, 0, 0, 0);
@@ -181,14 +182,13 @@ impl Aligner {
     }
 
     fn numbers(motion: &CameraMotion) -> [f32; 4] {
-        #[expect(clippy::cast_possible_truncation, reason = "a fraction of a pixel in a thousand remains")]
-        [motion.shift_px[0], motion.shift_px[1], motion.zoom, motion.turn].map(|number| number as f32)
+        [motion.shift_px[0], motion.shift_px[1], motion.zoom, motion.turn].map(single)
     }
 
     /// Mean absolute residual, each in units of what is around it, and counted as it tells of the motion.
     fn cost(&self, before: &Level, index: usize, size: [f64; 2], motion: &CameraMotion) -> f32 {
         let scale = (1 << index) as f32;
-        let middle = [0.5 * size[0] as f32, 0.5 * size[1] as f32];
+        let middle = size.map(|side| single(0.5 * side));
         let numbers = Self::numbers(motion);
         let (mut sum, mut count) = (0.0, 0.0);
         for point in &self.points {
@@ -203,7 +203,7 @@ impl Aligner {
 
     fn step(&self, before: &Level, index: usize, size: [f64; 2], motion: &CameraMotion) -> CameraMotion {
         let scale = (1 << index) as f32;
-        let middle = [0.5 * size[0] as f32, 0.5 * size[1] as f32];
+        let middle = size.map(|side| single(0.5 * side));
         let numbers = Self::numbers(motion);
         let spread = self.cost(before, index, size, motion).max(0.05);
         let mut normal = [0.0_f32; 10];

@@ -4,6 +4,7 @@ use multiversion::multiversion;
 
 use super::camera_motion::CameraMotion;
 use super::level::Level;
+use super::whole;
 
 /// Frames over which a change is looked for: at 30 a second a tenth of a second.
 pub const SPAN: usize = 3;
@@ -43,7 +44,7 @@ impl Change {
             }
             if let Some(oldest) = self.motions.last().copied() {
                 let past = &self.past[self.motions.len() - 1];
-                compare(level, past, &oldest, (1 << index) as f64, frame, &mut self.moving);
+                compare(level, past, &oldest, f64::from(1_u32 << index), frame, &mut self.moving);
             }
         } else {
             self.motions.clear();
@@ -68,14 +69,15 @@ fn compare(level: &Level, past: &[u16], motion: &CameraMotion, scale: f64, frame
             let centre = [(x as f64 + 0.5 * count as f64) * scale - middle[0], (y as f64 + 0.5) * scale - middle[1]];
             let [u, v] = motion.apply(centre);
             let [dx, dy] = [(u - centre[0]) / scale, (v - centre[1]) / scale];
-            #[expect(clippy::cast_possible_truncation, reason = "a motion is bounded by the frame")]
-            let (column, row) = (x as i64 + dx.floor() as i64, y as i64 + dy.floor() as i64);
-            let fits = column >= 0 && row >= 0 && column + count as i64 + 1 <= width as i64 && row + 2 <= height as i64;
+            let (column, row) = (x as f64 + dx.floor(), y as f64 + dy.floor());
+            let fits = column >= 0.0
+                && row >= 0.0
+                && column + count as f64 + 1.0 <= width as f64
+                && row + 2.0 <= height as f64;
             if fits {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1 in 1/128")]
                 let fraction = [(dx - dx.floor()) * 128.0, (dy - dy.floor()) * 128.0].map(|part| part as u32);
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "both are on the level")]
-                let at = row as usize * width + column as usize;
+                let at = whole(row) * width + whole(column);
                 let here = y * width + x;
                 compare_run(
                     [&level.smooth[here - width..], &level.smooth[here - 1..], &level.smooth[here + width..]],

@@ -143,19 +143,21 @@ mod tests {
 
     /// A level by its definition, pixel by pixel.
     fn slow(raw: &[u16], width: usize, height: usize) -> (Vec<u16>, Vec<i16>) {
-        let at = |plane: &[u32], x: i64, y: i64| {
-            let (x, y) = (x.clamp(0, width as i64 - 1), y.clamp(0, height as i64 - 1));
-            plane[usize::try_from(y).expect("clamped") * width + usize::try_from(x).expect("clamped")]
-        };
-        let each = |of: &dyn Fn(i64, i64) -> u32| -> Vec<u32> {
-            (0..height as i64).flat_map(|y| (0..width as i64).map(move |x| (x, y))).map(|(x, y)| of(x, y)).collect()
+        // A place some steps from a pixel, or what is nearest on the level.
+        let stepped = |along: usize, step: isize, side: usize| along.saturating_add_signed(step).min(side - 1);
+        let at = |plane: &[u32], x: usize, y: usize| plane[y * width + x];
+        let each = |of: &dyn Fn(usize, usize) -> u32| -> Vec<u32> {
+            (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| of(x, y)).collect()
         };
         let raw: Vec<u32> = raw.iter().map(|value| u32::from(*value)).collect();
-        let down = each(&|x, y| at(&raw, x, y - 1) + 2 * at(&raw, x, y) + at(&raw, x, y + 1));
-        let smooth = each(&|x, y| at(&down, x - 1, y) + 2 * at(&down, x, y) + at(&down, x + 1, y));
-        let weigh = |[a, b, c, d, e]: [u32; 5]| (((a + e) / 2 + c) / 2 + (b + d) / 2) / 2;
-        let down = each(&|x, y| weigh([-4, -2, 0, 2, 4].map(|step| at(&smooth, x, y + step))));
-        let around = each(&|x, y| weigh([-4, -2, 0, 2, 4].map(|step| at(&down, x + step, y))));
+        let down =
+            each(&|x, y| at(&raw, x, stepped(y, -1, height)) + 2 * at(&raw, x, y) + at(&raw, x, stepped(y, 1, height)));
+        let smooth = each(&|x, y| {
+            at(&down, stepped(x, -1, width), y) + 2 * at(&down, x, y) + at(&down, stepped(x, 1, width), y)
+        });
+        let weigh = |[a, b, c, d, e]: [u32; 5]| a.midpoint(e).midpoint(c).midpoint(b.midpoint(d));
+        let down = each(&|x, y| weigh([-4, -2, 0, 2, 4].map(|step| at(&smooth, x, stepped(y, step, height)))));
+        let around = each(&|x, y| weigh([-4, -2, 0, 2, 4].map(|step| at(&down, stepped(x, step, width), y))));
         let contrast =
             smooth.iter().zip(&around).map(|(a, b)| i16::try_from(i64::from(*a) - i64::from(*b)).expect("16 bits"));
         (smooth.iter().map(|value| u16::try_from(*value).expect("16 bits")).collect(), contrast.collect())

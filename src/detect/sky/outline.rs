@@ -17,8 +17,6 @@ pub struct Outline {
     pub area: f32,
     /// Height of the peak over the background, with its sign, in steps of the level.
     pub contrast: f32,
-    /// Length over width of the ellipse of the same moments.
-    pub elongation: f32,
     /// Of the ring around the thing, the largest share of its contrast in any direction: near 0 stands alone, near 1 goes on.
     pub openness: f32,
     /// Mean deviation of that ring, as a share of the contrast.
@@ -88,7 +86,7 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     }
     seen[y - top] |= 1 << (x - left);
     let mut next = 0;
-    let (mut weight, mut sum, mut squares) = (0.0_f32, [0.0_f32; 2], [0.0_f32; 3]);
+    let (mut weight, mut sum) = (0.0_f32, [0.0_f32; 2]);
     let mut bounds = [x, y, x + 1, y + 1];
     let (mut area, mut goes_on) = (0.0_f32, false);
     while next < count {
@@ -101,9 +99,6 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
             weight += here;
             sum[0] += here * u;
             sum[1] += here * v;
-            squares[0] += here * u * u;
-            squares[1] += here * u * v;
-            squares[2] += here * v * v;
             bounds = [bounds[0].min(column), bounds[1].min(row), bounds[2].max(column + 1), bounds[3].max(row + 1)];
         }
         for (i, j) in [(0, 1), (1, 0), (1, 2), (2, 1)] {
@@ -131,10 +126,6 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
         }
     }
     let (mu, mv) = (sum[0] / weight, sum[1] / weight);
-    let (xx, xy, yy) =
-        (squares[0] / weight - mu * mu + 0.1, squares[1] / weight - mu * mv, squares[2] / weight - mv * mv + 0.1);
-    let root = (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
-    let elongation = ((0.5 * (xx + yy) + root) / (0.5 * (xx + yy) - root).max(0.05)).sqrt();
     // Once around the thing, at a distance that its own blur does not reach.
     let (half_across, half_down) = (0.5 * (bounds[2] - bounds[0]) as f32, 0.5 * (bounds[3] - bounds[1]) as f32);
     let (cu, cv) =
@@ -150,7 +141,6 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
         bounds,
         area,
         contrast: signed(contrast),
-        elongation,
         openness: worst / contrast,
         unrest: unrest / (16.0 * contrast),
         goes_on,

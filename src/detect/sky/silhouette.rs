@@ -56,8 +56,8 @@ impl Silhouettes {
         (self.columns, self.rows) = (frame.width / SQUARE, frame.height / SQUARE);
         self.map.clear();
         self.map.resize(self.columns * self.rows, 0.0);
-        for index in 0..LEVELS.min(levels.len()) {
-            self.raise(&levels[index], index, cells, floor);
+        for (index, level) in levels.iter().enumerate().take(LEVELS) {
+            self.raise(level, index, cells, floor);
         }
         self.join();
     }

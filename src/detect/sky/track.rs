@@ -33,14 +33,10 @@ pub struct Track {
     pub hits: u32,
     /// Frames in a row in which it was not.
     pub misses: u32,
-    /// Share of late frames in which it was seen.
-    pub presence: f64,
     /// Cues, the mean of late frames.
     pub cues: Cues,
     /// Where it would be if it belonged to the scene; it follows the thing slowly.
     pub anchor: [f64; 2],
-    /// Mean of late innovations, as a share of its size.
-    pub jitter: f64,
     /// Mean square of late relative changes of its area: what flaps its wings flickers.
     pub flicker: f64,
     /// How far the camera has moved lately, px: over it, the scene's own place is known the worse.
@@ -73,10 +69,8 @@ impl Track {
             age: 1,
             hits: 1,
             misses: 0,
-            presence: 1.0,
             cues: seen.cues,
             anchor: seen.place,
-            jitter: 0.0,
             flicker: 0.0,
             camera_path: 0.0,
             area_ln: seen.area_px.max(1.0).ln(),
@@ -111,9 +105,9 @@ impl Track {
         self.camera_path += motion.shift_px[0].hypot(motion.shift_px[1]) - self.camera_path / ANCHOR_MEMORY;
         self.anchor = moved(self.anchor);
         self.place = moved(self.place);
-        for axis in 0..2 {
+        for (axis, before) in before.into_iter().enumerate() {
             self.place[axis] += self.velocity[axis];
-            let shift = self.place[axis] - before[axis];
+            let shift = self.place[axis] - before;
             self.seen.place[axis] += shift;
             self.seen.bounds[axis] += shift;
             self.seen.bounds[axis + 2] += shift;
@@ -148,10 +142,8 @@ impl Track {
         let [place, cross, speed] = self.covariance;
         let total = place + spread * spread;
         let (gain, speed_gain) = (place / total, cross / total);
-        let mut innovation = 0.0;
         for axis in 0..2 {
             let residual = candidate.place[axis] - self.place[axis];
-            innovation += residual * residual;
             self.place[axis] += gain * residual;
             self.velocity[axis] += speed_gain * residual;
         }
@@ -159,14 +151,11 @@ impl Track {
         self.hits += 1;
         self.misses = 0;
         let rate = 1.0 / f64::from(self.hits).min(MEMORY);
-        let size = f64::from(candidate.cues.size_ln).exp();
         if self.hits > 2 {
-            self.jitter += rate * (innovation.sqrt() / (1.0 + size) - self.jitter);
             let area_ln = candidate.area_px.max(1.0).ln();
             self.flicker += rate * ((area_ln - self.area_ln).powi(2) - self.flicker);
         }
         self.area_ln = candidate.area_px.max(1.0).ln();
-        self.presence += rate * (1.0 - self.presence);
         let (mut mean, new) = (self.cues.numbers(), candidate.cues.numbers());
         #[expect(clippy::cast_possible_truncation, reason = "a rate from 0 to 1")]
         mean.iter_mut().zip(new).for_each(|(mean, new)| *mean += rate as f32 * (new - *mean));
@@ -178,7 +167,6 @@ impl Track {
     /// It is not seen in this frame.
     pub fn miss(&mut self) {
         self.misses += 1;
-        self.presence -= self.presence / MEMORY;
         self.follow();
     }
 

@@ -1,8 +1,9 @@
 //! The state machine of a sequence: frame by frame, what is in the sky.
 
 use super::camera_motion::{Aligner, CameraMotion};
-use super::candidate::{Candidate, Finder};
+use super::candidate::Candidate;
 use super::change::Change;
+use super::finder::Finder;
 use super::level::Level;
 use super::scene_change::scene_change;
 use super::track::Track;
