@@ -407,7 +407,7 @@ fn edges_of_a_sequence_are_kept_where_they_last() {
 #[test]
 fn what_flies_keeps_its_number_through_a_folder() {
     let desk = Desk::new();
-    std::fs::create_dir(desk.path("flight")).expect("a folder");
+    fs::create_dir(desk.path("flight")).expect("a folder");
     for index in 0..6 {
         let sample = |u: i32, v: i32| if (u - 40 - 3 * index).abs() <= 2 && (v - 60).abs() <= 1 { 60 } else { 180 };
         let samples = (0..128).flat_map(|v| (0..160).map(move |u| sample(u, v)));

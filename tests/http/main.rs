@@ -14,6 +14,5 @@ mod frames;
 mod life;
 mod poses;
 mod sequences;
-mod sequences;
 mod station;
 mod things;

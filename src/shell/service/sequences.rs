@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn the_one_not_used_for_longest_makes_room() {
-        let sequences = Sequences::new(2, Duration::from_secs(60));
+        let sequences = Sequences::new(2, Duration::from_mins(1));
         let start = Instant::now();
         let at = |seconds| start + Duration::from_secs(seconds);
         let a = sequences.watch("a", at(0));
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn an_idle_one_is_forgotten() {
-        let sequences = Sequences::new(2, Duration::from_secs(60));
+        let sequences = Sequences::new(2, Duration::from_mins(1));
         let start = Instant::now();
         let first = sequences.watch("a", start);
         assert!(Arc::ptr_eq(&first, &sequences.watch("a", start + Duration::from_secs(59))));
@@ -83,7 +83,7 @@ mod tests {
 
     #[tokio::test]
     async fn frames_of_one_name_take_turns() {
-        let sequences = Sequences::new(2, Duration::from_secs(60));
+        let sequences = Sequences::new(2, Duration::from_mins(1));
         let first = sequences.turn("a", Instant::now() + Duration::from_secs(20)).await.expect("free");
         let refused = sequences.turn("a", Instant::now() + Duration::from_millis(5)).await;
         assert_eq!(refused.expect_err("taken").kind, FaultKind::DeadlineExceeded);
