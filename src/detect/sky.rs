@@ -78,7 +78,7 @@ impl Watch {
             .map(|track| centroid(track, region))
             .filter(|centroid| centroid.score >= options.min_score && centroid.area_px >= options.min_area_px)
             .collect();
-        centroids.sort_by(|a, b| b.score.total_cmp(&a.score));
+        centroids.sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
         centroids.truncate(options.max_centroids);
         Detection { centroids, refused: Vec::new() }
     }

@@ -79,7 +79,7 @@ impl Finder {
                 self.raw.push((candidate.cues.contrast_ln + 0.7 * candidate.cues.moving_ln, candidate));
             }
         }
-        self.raw.sort_by(|a, b| b.0.total_cmp(&a.0));
+        self.raw.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
         found.extend(self.raw.iter().take(MOST_CANDIDATES / 2).map(|(_, candidate)| *candidate));
         self.raw.clear();
         for peak in self.peaks.iter().flatten() {
@@ -91,7 +91,7 @@ impl Finder {
             let strength = cues.contrast_ln + 0.7 * cues.moving_ln - 1.5 * cues.openness.min(1.2) - cues.goes_on;
             self.raw.push((strength, candidate));
         }
-        self.raw.sort_by(|a, b| b.0.total_cmp(&a.0));
+        self.raw.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
         for (_, candidate) in &self.raw {
             if found.len() == MOST_CANDIDATES {
                 break;
