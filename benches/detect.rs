@@ -1,5 +1,6 @@
-//! What the edge detector costs, step by step, in ms: at three sizes, with the seed's window and with a small one, for a clear sky
-//! with an aircraft and for a frame of noise. The least of many runs, as others on the machine only ever add to the time.
+//! What detection without markers costs, in ms: the seed's edge detector step by step, at three sizes, with its window and with a small
+//! one; the sky detector for a single frame and for the next frame of a sequence, from luma as a video has it. For a clear sky with an
+//! aircraft and for a frame of noise. The least of many runs, as others on the machine only ever add to the time.
 
 #![allow(clippy::print_stdout, reason = "a benchmark prints its table")]
 #![allow(clippy::expect_used, reason = "a benchmark of a frame that cannot be made must stop")]
@@ -12,7 +13,7 @@ use skypose::detect::edge::{blobs, sifted};
 use skypose::detect::gray::gray;
 use skypose::detect::median::median;
 use skypose::detect::sobel::sobel;
-use skypose::detect::{Detector, EdgeOptions, detect};
+use skypose::detect::{Detector, EdgeOptions, SkyOptions, Stamp, Watch, detect};
 use skypose::frame::{Coding, Frame, Pixels};
 use skypose::random;
 
@@ -34,6 +35,27 @@ fn main() {
             }
         }
     }
+    println!("\n{:<12} {:<7}  single    next", "sky", "shows");
+    for [width, height] in [[640, 512], [1280, 720], [1920, 1080]] {
+        for (shows, frame) in [("clear", clear(width, height)), ("noise", noise(width, height))] {
+            println!("{:<12} {shows:<7}{}", format!("{width}x{height}"), sky_row(&frame));
+        }
+    }
+}
+
+fn sky_row(frame: &Frame) -> String {
+    let luma = gray(frame, frame.full(), skypose::detect::gray::Gray::Average);
+    let frame = Frame::checked(frame.width(), frame.height(), Pixels::Luma(luma.samples), Coding::LOSSLESS);
+    let frame = frame.expect("a frame");
+    let (region, options) = (frame.full(), SkyOptions::default());
+    let mut watch = Watch::new();
+    let detector = Detector::Sky(options);
+    [
+        least_ms(|| drop(black_box(detect(black_box(&frame), region, &detector)))),
+        least_ms(|| drop(black_box(watch.observe(black_box(&frame), region, Stamp::default(), &options)))),
+    ]
+    .map(|ms| format!("{ms:8.3}"))
+    .concat()
 }
 
 fn row(frame: &Frame, options: &EdgeOptions) -> String {

@@ -1,8 +1,8 @@
 //! Frame to centroids.
 //!
 //! Two ways to find coloured markers: [`thesis`], the seed's method step for step, and [`color`], the default; one to find LEDs
-//! in the dark: [`beacon`]; and one to find a thing without markers: [`edge`], the seed's. The steps they share are rooms of
-//! their own.
+//! in the dark: [`beacon`]; and two to find a thing without markers: [`edge`], the seed's, and [`sky`], the default. The steps
+//! they share are rooms of their own.
 
 pub mod beacon;
 mod blob;
@@ -13,6 +13,7 @@ pub mod gray;
 pub mod locate;
 pub mod median;
 pub mod morphology;
+pub mod sky;
 pub mod sobel;
 pub mod thesis;
 pub mod threshold;
@@ -25,6 +26,7 @@ use crate::frame::{Frame, Region, Wanted};
 pub use beacon::BeaconOptions;
 pub use color::{ColorOptions, HueRange};
 pub use edge::{EdgeOptions, Persistence, PersistenceOptions};
+pub use sky::{SkyOptions, Stamp, Watch};
 
 /// A blob that may be a marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,8 +39,32 @@ pub struct Centroid {
     pub area_px: f64,
     /// The pixels that it spans.
     pub bounds: Region,
-    /// How much it looks like a marker, 0 to 1.
+    /// How much it looks like a marker, 0 to 1; of [`sky`], the probability that it is something that flies.
     pub score: f64,
+    /// What it is, where that is known.
+    pub class: Option<Class>,
+    /// Its number in a sequence: the same thing has the same in every frame.
+    pub track_id: Option<u32>,
+}
+
+/// What a thing in the sky is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Class {
+    /// Aeroplane, helicopter, drone: what has wings that do not flap.
+    Aircraft,
+    /// Bird.
+    Bird,
+}
+
+impl Class {
+    /// The contract's word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Aircraft => "aircraft",
+            Self::Bird => "bird",
+        }
+    }
 }
 
 /// A blob that was looked at and is not a marker.
@@ -116,8 +142,10 @@ pub enum Detector {
     Beacon(BeaconOptions),
     /// The seed's method for markers.
     Thesis,
-    /// Silhouettes, without markers.
+    /// The seed's method for silhouettes, without markers.
     Edge(EdgeOptions),
+    /// Things in the sky, without markers.
+    Sky(SkyOptions),
 }
 
 impl Default for Detector {
@@ -131,7 +159,7 @@ impl Detector {
     #[must_use]
     pub const fn wanted(&self) -> Wanted {
         match self {
-            Self::Color(_) | Self::Beacon(_) => Wanted::Native,
+            Self::Color(_) | Self::Beacon(_) | Self::Sky(_) => Wanted::Native,
             Self::Thesis | Self::Edge(_) => Wanted::Rgb,
         }
     }
@@ -152,7 +180,7 @@ impl Detector {
         match self {
             Self::Color(options) => Some(Self::Color(ColorOptions { hue, ..options.clone() })),
             Self::Beacon(options) => Some(Self::Beacon(BeaconOptions { hue: Some(hue), ..*options })),
-            Self::Thesis | Self::Edge(_) => None,
+            Self::Thesis | Self::Edge(_) | Self::Sky(_) => None,
         }
     }
 }
@@ -165,6 +193,7 @@ pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {
         Detector::Beacon(options) => beacon::detect(frame, region, options),
         Detector::Thesis => thesis::detect(frame, region),
         Detector::Edge(options) => edge::detect(frame, region, options),
+        Detector::Sky(options) => sky::detect(frame, region, options),
     };
     detection.refused.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
     detection.refused.truncate(MAX_REFUSED);

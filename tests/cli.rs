@@ -390,7 +390,12 @@ fn edges_of_a_sequence_are_kept_where_they_last() {
     }
     let frames = ["0.pgm", "1.pgm", "2.pgm", "3.pgm"];
     let said = desk.run(
-        &[&["detect", "--method", "edge", "--sequence", "--persistent", "2", "--median", "3,3"][..], &frames].concat(),
+        &[
+            &["detect", "--method", "edge", "--preset", "thesis", "--sequence", "--persistent", "2"][..],
+            &["--median", "3,3", "--min-area", "10"],
+            &frames,
+        ]
+        .concat(),
     );
     assert_eq!(said.code, Some(0), "{said:?}");
     let replies = said.lines();
@@ -400,8 +405,33 @@ fn edges_of_a_sequence_are_kept_where_they_last() {
     assert!((replies[1]["centroids"][0]["u_px"].as_f64().expect("u") - 43.5).abs() < 0.5, "{said:?}");
     let said = desk.run(&["detect", "--method", "edge", "--preset", "thesis", "--min-area", "10", "0.pgm"]);
     assert_eq!(said.lines()[0]["centroids"].as_array().map(Vec::is_empty), Some(false), "{said:?}");
-    let said = desk.run(&["detect", "--method", "edge", "--threshold", "2", "0.pgm"]);
+    let said = desk.run(&["detect", "--method", "edge", "--preset", "thesis", "--threshold", "2", "0.pgm"]);
     assert!(said.code == Some(2) && said.err.contains("/detector/threshold"), "{said:?}");
+}
+
+#[test]
+fn what_flies_keeps_its_number_through_a_folder() {
+    let desk = Desk::new();
+    fs::create_dir(desk.path("flight")).expect("a folder");
+    for index in 0..6 {
+        let sample = |u: i32, v: i32| if (u - 40 - 3 * index).abs() <= 2 && (v - 60).abs() <= 1 { 60 } else { 180 };
+        let samples = (0..128).flat_map(|v| (0..160).map(move |u| sample(u, v)));
+        let picture = [b"P5\n160 128\n255\n".to_vec(), samples.collect()].concat();
+        desk.write(&format!("flight/{index}.pgm"), &picture);
+    }
+    let said = desk.run(&["detect", "--method", "edge", "--sequence", "flight"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let replies = said.lines();
+    assert_eq!(replies.len(), 6);
+    for (index, reply) in replies.iter().enumerate() {
+        assert_eq!(reply["frame_index"], index);
+        assert!(reply["centroids"][0]["track_id"].is_u64(), "{reply}");
+        assert_eq!(reply["centroids"][0]["track_id"], replies[0]["centroids"][0]["track_id"]);
+    }
+    let single = desk.run(&["detect", "--method", "edge", "flight"]);
+    assert!(single.lines().iter().all(|reply| reply["centroids"][0].get("track_id").is_none()), "{single:?}");
+    let said = desk.run(&["detect", "--method", "edge", "--min-score", "7", "flight"]);
+    assert!(said.code == Some(2) && said.err.contains("/detector/min_score"), "{said:?}");
 }
 
 #[test]

@@ -23,7 +23,7 @@ fn gray(width: u32, height: u32) -> Frame {
 fn centroid(u: u32, v: u32) -> Centroid {
     let bounds = Region { x: u - 4, y: v - 3, width: 9, height: 7 };
     let pixel = Pixel::new(u.into(), v.into());
-    Centroid { pixel, sigma_px: 0.1, area_px: 50.0, bounds, score: 0.9 }
+    Centroid { pixel, sigma_px: 0.1, area_px: 50.0, bounds, score: 0.9, class: None, track_id: None }
 }
 
 fn possible(turn: Vector3<f64>, translation: [f64; 3], probability: f64) -> PoseEstimate {

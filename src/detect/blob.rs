@@ -262,6 +262,8 @@ impl<'a> Shape<'a> {
             area_px: self.area,
             bounds: self.bounds,
             score: clarity * self.fill().clamp(0.0, 1.0),
+            class: None,
+            track_id: None,
         }
     }
 }

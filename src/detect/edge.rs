@@ -126,6 +126,8 @@ fn centroid(blob: &Blob, region: Region, window: Window) -> Centroid {
         area_px,
         bounds: bounds_in_frame(region, blob.bounds),
         score: 1.0,
+        class: None,
+        track_id: None,
     }
 }
 

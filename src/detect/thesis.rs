@@ -34,6 +34,8 @@ pub fn detect(frame: &Frame, region: Region) -> Detection {
                 area_px,
                 bounds: bounds_in_frame(region, bounds(runs)),
                 score: 1.0,
+                class: None,
+                track_id: None,
             }
         })
         .collect();

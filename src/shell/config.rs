@@ -27,6 +27,8 @@ pub struct Settings {
     pub workers: WorkerSettings,
     /// What a frame may cost.
     pub frames: FrameSettings,
+    /// Sequences of frames posted one by one.
+    pub sequences: SequenceSettings,
     /// How markers are told apart.
     pub identify: IdentifySettings,
     /// What is logged.
@@ -144,6 +146,30 @@ impl FrameSettings {
     #[must_use]
     pub const fn limits(&self) -> Limits {
         Limits { max_pixels: self.max_pixels }
+    }
+}
+
+/// Sequences of frames posted one by one.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SequenceSettings {
+    /// Most that are remembered; the one not used for longest makes room.
+    pub most: usize,
+    /// Time after its last frame at which one is forgotten.
+    pub idle_ms: u64,
+}
+
+impl Default for SequenceSettings {
+    fn default() -> Self {
+        Self { most: 16, idle_ms: 60_000 }
+    }
+}
+
+impl SequenceSettings {
+    /// Time after its last frame at which one is forgotten.
+    #[must_use]
+    pub const fn idle(&self) -> Duration {
+        Duration::from_millis(self.idle_ms)
     }
 }
 

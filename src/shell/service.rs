@@ -2,6 +2,7 @@
 
 pub mod compute;
 pub mod lookup;
+pub mod sequences;
 pub mod workers;
 
 use std::sync::Arc;
@@ -12,12 +13,14 @@ use bytes::Bytes;
 use super::config::Settings;
 use super::fault::Fault;
 use super::store::Store;
+use super::wire::sighting::SequenceWire;
 use super::wire::{
     AssessmentReply, AssessmentRequest, DetectionReply, EstimateReply, FrameRequest, PoseReplies, PoseReply,
     PoseRequest,
 };
 use compute::Terms;
 use lookup::{Known, Lookup};
+use sequences::Sequences;
 use workers::Workers;
 
 /// The service without its doors.
@@ -26,6 +29,7 @@ pub struct Service {
     settings: Settings,
     store: Store,
     workers: Workers,
+    sequences: Sequences,
     known: Arc<Known>,
 }
 
@@ -37,7 +41,8 @@ impl Service {
     pub async fn start(settings: Settings) -> Result<Self, Fault> {
         let store = Store::open(&settings.store.data).await?;
         let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
-        Ok(Self { settings, store, workers, known: Arc::default() })
+        let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
+        Ok(Self { settings, store, workers, sequences, known: Arc::default() })
     }
 
     /// The settings.
@@ -116,9 +121,20 @@ impl Service {
     ) -> Result<DetectionReply, Fault> {
         let terms = Terms::of(&self.settings);
         let task = compute::FrameTask::checked(request, &self.lookup()).await?;
+        let Some(name) = task.sequence().map(str::to_owned) else {
+            let work = move || {
+                let (frame, detection, timing) = task.detected(&frame, &terms)?;
+                Ok(task.detection_reply(&frame, &detection, timing))
+            };
+            return self.workers.run(deadline, work).await?;
+        };
+        // The turn ends with the work, so a worker never waits for another frame.
+        let mut watch = self.sequences.turn(&name, deadline).await?;
         let work = move || {
-            let (frame, detection, timing) = task.detected(&frame, &terms)?;
-            Ok(task.detection_reply(&frame, &detection, timing))
+            let (frame, detection, timing) = task.followed(&frame, &terms, &mut watch)?;
+            let beginning = watch.beginning().map(|beginning| beginning.name().into());
+            let sequence = Some(SequenceWire { name, beginning });
+            Ok(DetectionReply { sequence, ..task.detection_reply(&frame, &detection, timing) })
         };
         self.workers.run(deadline, work).await?
     }

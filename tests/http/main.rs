@@ -13,5 +13,6 @@ mod faults;
 mod frames;
 mod life;
 mod poses;
+mod sequences;
 mod station;
 mod things;

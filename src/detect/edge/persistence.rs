@@ -86,8 +86,15 @@ mod tests {
 
     fn at(places: &[f64]) -> Vec<Centroid> {
         let bounds = Region { x: 0, y: 0, width: 1, height: 1 };
-        let centroid =
-            |x: &f64| Centroid { pixel: Pixel::new(*x, 0.0), sigma_px: 1.0, area_px: 1.0, bounds, score: 1.0 };
+        let centroid = |x: &f64| Centroid {
+            pixel: Pixel::new(*x, 0.0),
+            sigma_px: 1.0,
+            area_px: 1.0,
+            bounds,
+            score: 1.0,
+            class: None,
+            track_id: None,
+        };
         places.iter().map(centroid).collect()
     }
 

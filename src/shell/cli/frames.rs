@@ -12,12 +12,11 @@ use super::pictures::Pictures;
 use super::requests::Requests;
 use super::{Failures, SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
-use crate::detect::{Persistence, PersistenceOptions};
-use crate::frame::Frame;
+use crate::detect::{Persistence, PersistenceOptions, Watch};
 use crate::shell::console::{Timeline, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::{Grabber, Options, Source, is_interrupted};
-use crate::shell::service::compute::{FrameTask, Terms};
+use crate::shell::service::compute::{FrameTask, Seen, Terms};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
 use crate::shell::wire::detector::{DetectorWire, GrayName, Method, Preset};
@@ -34,13 +33,14 @@ struct Frames {
     /// Read requests instead, JSON objects as in the API one after another, each with "frame": "path"; - is standard input.
     #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
     requests: Option<PathBuf>,
-    /// Take the frames as a sequence: each reply carries its number. Those of a video always do.
+    /// Take the frames as a sequence: each reply carries its number, and edge follows what it finds from frame to frame. Those of a
+    /// video always are one.
     #[arg(long)]
     sequence: bool,
     /// Draw what was found: a picture for a single frame, a folder for several.
     #[arg(long, value_name = "OUT")]
     annotate: Option<PathBuf>,
-    /// Method of detection: color (markers), beacon (LEDs in the dark), or edge (anything that stands out from the sky).
+    /// Method of detection: color (markers), beacon (LEDs in the dark), or edge (what flies, without markers).
     #[arg(long, value_name = "METHOD", default_value = "color", value_parser = named::<Method>)]
     method: Method,
     /// Preset of the method: thesis is that of the 2012 thesis, step for step.
@@ -55,15 +55,18 @@ struct Frames {
     /// Learn the markers' hue from this place in each frame, as from a click: x,y,width,height in pixels. The reply has the hues for --hue.
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, conflicts_with_all = ["color", "hue"])]
     sample: Option<[u32; 4]>,
-    /// edge: how colour becomes gray: luminosity, average or lightness.
+    /// edge, preset thesis: how colour becomes gray: luminosity, average or lightness.
     #[arg(long, value_name = "WAY", value_parser = named::<GrayName>)]
     gray: Option<GrayName>,
-    /// edge: the median's window, as in 9,10.
+    /// edge, preset thesis: the median's window, as in 9,10.
     #[arg(long, value_name = "ROWS,COLUMNS", value_parser = window)]
     median: Option<[usize; 2]>,
-    /// edge: gradient above which a pixel is an edge, as a share of full scale.
+    /// edge, preset thesis: gradient above which a pixel is an edge, as a share of full scale.
     #[arg(long, value_name = "RATIO")]
     threshold: Option<f64>,
+    /// edge: least probability of what is reported, 0 to 1.
+    #[arg(long, value_name = "PROBABILITY")]
+    min_score: Option<f64>,
     /// Smallest area in pixels.
     #[arg(long, value_name = "AREA")]
     min_area: Option<f64>,
@@ -173,6 +176,7 @@ impl Frames {
                 median_px: self.median,
                 threshold: self.threshold,
                 min_area_px: self.min_area,
+                min_score: self.min_score,
                 ..DetectorWire::default()
             },
             region_px: self.region,
@@ -278,7 +282,7 @@ fn run(
     let mut looking = Looking {
         kind,
         terms: Terms::of(&settings),
-        persistence: persistence.map(Persistence::new),
+        memory: Memory::new(frames.sequence, persistence),
         pictures: Pictures::new(frames.annotate.as_deref(), &sources, jobs.len() == 1 && !has_videos)?,
         failures: Failures::default(),
     };
@@ -287,7 +291,10 @@ fn run(
     // Each video has a bar of its own.
     let bar = progress(if has_videos { 0 } else { jobs.len() }, "frames");
     for (index, job) in jobs.into_iter().enumerate() {
-        let task = job.request.and_then(|request| {
+        let task = job.request.and_then(|mut request| {
+            if frames.sequence {
+                request.frame_index = request.frame_index.or(Some(index as u64));
+            }
             runtime.block_on(async {
                 match kind {
                     Kind::Detection => FrameTask::checked(request, &lookup).await,
@@ -297,7 +304,7 @@ fn run(
         });
         if let (true, Ok(task)) = (job.is_video, &task) {
             // What lasted in one video tells nothing of the next.
-            looking.persistence = persistence.map(Persistence::new);
+            looking.memory = Memory::new(true, persistence);
             looking.at_video(&Source::of(&job.path), task.clone(), &grabbing)?;
         } else {
             let source = job.path.display().to_string();
@@ -316,17 +323,23 @@ fn run(
     looking.failures.into_result()
 }
 
-/// A frame, still encoded or not.
-enum Seen<'a> {
-    Bytes(&'a [u8]),
-    Frame { frame: Frame, decode_us: u64 },
+/// What is known of the frames before.
+struct Memory {
+    watch: Option<Watch>,
+    persistence: Option<Persistence>,
+}
+
+impl Memory {
+    fn new(is_sequence: bool, persistence: Option<PersistenceOptions>) -> Self {
+        Self { watch: is_sequence.then(Watch::new), persistence: persistence.map(Persistence::new) }
+    }
 }
 
 /// What goes with us from frame to frame.
 struct Looking {
     kind: Kind,
     terms: Terms,
-    persistence: Option<Persistence>,
+    memory: Memory,
     pictures: Pictures,
     failures: Failures,
 }
@@ -350,7 +363,7 @@ impl Looking {
             };
             let place = (Some(grabbed.index), Some(grabbed.time_us));
             timeline.step(grabbed.time_us);
-            task.set_timestamp_us(grabbed.timestamp_us);
+            task.set_place(grabbed.index, grabbed.timestamp_us);
             let seen = Seen::Frame { frame: grabbed.frame, decode_us: grabbed.decode_us };
             let answer = self.answer(seen, &task, &moving::frame_name(source, grabbed.index));
             // What is wrong with one frame of a video (its size, the region) is wrong with all.
@@ -369,11 +382,9 @@ impl Looking {
         let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
         match self.kind {
             Kind::Detection => {
-                let (frame, mut detection, timing) = match seen {
-                    Seen::Bytes(bytes) => task.detected(bytes, &self.terms)?,
-                    Seen::Frame { frame, decode_us } => task.detected_in(frame, decode_us)?,
-                };
-                if let Some(persistence) = &mut self.persistence {
+                let watch = self.memory.watch.as_mut();
+                let (frame, mut detection, timing) = task.seen(seen, &self.terms, watch)?;
+                if let Some(persistence) = &mut self.memory.persistence {
                     persistence.sift(&mut detection);
                 }
                 self.pictures.write(path, &frame, task, &Overlay::of(&detection, &[], &[]))?;

@@ -5,7 +5,7 @@ mod frame;
 mod points;
 
 pub use assessment::AssessmentTask;
-pub use frame::FrameTask;
+pub use frame::{FrameTask, Seen};
 pub use points::{BatchItem, PoseTask, batch};
 
 use crate::frame::Limits;

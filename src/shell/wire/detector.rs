@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use crate::detect::gray::Gray;
 use crate::detect::median::Window;
-use crate::detect::{self, BeaconOptions, ColorOptions, Detector, EdgeOptions, HueRange};
+use crate::detect::{self, BeaconOptions, ColorOptions, Detector, EdgeOptions, HueRange, SkyOptions};
 use crate::shell::fault::Fault;
 
 /// The detector and its options. What is left out has its default.
@@ -16,7 +16,7 @@ pub struct DetectorWire {
     /// The method.
     pub method: Method,
     /// A preset; `thesis` is the method of the seed thesis step for step. That of `color` takes no options; that of `edge` has
-    /// the seed's numbers, and each may be changed.
+    /// the seed's numbers, each of which may be changed with options that only it has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
     /// `color`, `beacon`: the markers' colour: red, orange, yellow, green, cyan, blue or magenta. If left out, red for `color`, any
@@ -34,8 +34,8 @@ pub struct DetectorWire {
     /// `color`: chroma, of 255, by which a marker must stand out from what surrounds it; `beacon`: luma, of 255.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_contrast: Option<f64>,
-    /// Smallest area, px. `edge`: of the edges that hang together, their area as Matlab's `bwarea` has it, and it must be more
-    /// than this; 10 if left out, 210 in the preset `thesis`.
+    /// Smallest area, px. `edge`: 1 if left out; in the preset `thesis` that of the edges that hang together, as Matlab's `bwarea`
+    /// has it, and it must be more than this, 210 if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_area_px: Option<f64>,
     /// `color`, `beacon`: largest area as a share of the frame.
@@ -51,14 +51,17 @@ pub struct DetectorWire {
     /// Most centroids returned.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_centroids: Option<usize>,
-    /// `edge`: how colour becomes gray. `luminosity` if left out.
+    /// `edge`: least probability of what is reported, 0 to 1; 0.02 if left out. Not in the preset `thesis`, which knows none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_score: Option<f64>,
+    /// `edge`, preset `thesis`: how colour becomes gray. `luminosity` if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gray: Option<GrayName>,
-    /// `edge`: rows and columns of the median's window, 1 to 255 each; [1, 1] is no median. [3, 3] if left out, [9, 10] in the
-    /// preset `thesis`. The more, the less noise, and the larger what is lost.
+    /// `edge`, preset `thesis`: rows and columns of the median's window, 1 to 255 each; [1, 1] is no median. [9, 10] if left out.
+    /// The more, the less noise, and the larger what is lost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub median_px: Option<[usize; 2]>,
-    /// `edge`: magnitude of Sobel's gradient above which a pixel is an edge, as a share of full scale: from 0, below 1. The
+    /// `edge`, preset `thesis`: magnitude of Sobel's gradient above which a pixel is an edge, as a share of full scale: from 0, below 1. The
     /// weights are 1, 2, 1, so a step of 13 of 255 gray levels is an edge at 0.2, which it is if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f64>,
@@ -95,8 +98,9 @@ pub enum Method {
     Color,
     /// LEDs on a dark ground, of any colour or of one.
     Beacon,
-    /// Things without markers, by their edges against the sky: gray, median, Sobel's gradient, threshold, connected edges of some
-    /// area. It finds where something is, not how it is turned, and not what it is.
+    /// Things in the sky without markers: contrast over local clutter at every size, and in a sequence what moves against the
+    /// camera's own motion, as tracks. It finds where something is, with the probability that it flies, not how it is turned. The
+    /// preset `thesis` is the seed's: gray, median, Sobel's gradient, threshold, connected edges of some area.
     Edge,
 }
 
@@ -127,6 +131,7 @@ impl TryFrom<&DetectorWire> for Detector {
             ("gray", wire.gray.is_some()),
             ("median_px", wire.median_px.is_some()),
             ("threshold", wire.threshold.is_some()),
+            ("min_score", wire.min_score.is_some()),
         ];
         let (method, foreign): (_, &[_]) = match wire.method {
             Method::Color => ("color", &of_edge),
@@ -139,9 +144,20 @@ impl TryFrom<&DetectorWire> for Detector {
         if wire.sample_px.is_some() && (wire.color.is_some() || wire.hue_range_deg.is_some()) {
             return Err(Fault::senseless("/sample_px", "give a colour, a hue range or a sample, only one of them"));
         }
+        let of_seed = wire.preset == Some(Preset::Thesis);
+        if wire.method == Method::Edge
+            && !of_seed
+            && let Some((name, _)) = of_edge.iter().find(|(name, is_given)| *is_given && *name != "min_score")
+        {
+            let detail = format!("{name} is an option of a step of the seed's method: give the preset thesis with it");
+            return Err(Fault::senseless(format!("/{name}"), detail));
+        }
+        if wire.method == Method::Edge && of_seed && wire.min_score.is_some() {
+            return Err(Fault::senseless("/min_score", "the preset thesis of edge knows no probabilities"));
+        }
         match (wire.method, wire.preset) {
             (Method::Edge, Some(Preset::Thesis)) => edge_of(wire, EdgeOptions::THESIS).map(Self::Edge),
-            (Method::Edge, _) => edge_of(wire, EdgeOptions::default()).map(Self::Edge),
+            (Method::Edge, _) => sky_of(wire).map(Self::Sky),
             (Method::Color, Some(Preset::Thesis)) => {
                 let bare = DetectorWire { method: wire.method, preset: wire.preset, ..DetectorWire::default() };
                 if *wire != bare {
@@ -181,6 +197,15 @@ fn beacon_of(wire: &DetectorWire) -> Result<BeaconOptions, Fault> {
         max_area_ratio: within("max_area_ratio", wire.max_area_ratio, default.max_area_ratio, [1e-6, 1.0])?,
         max_elongation: within("max_elongation", wire.max_elongation, default.max_elongation, [1.0, 1e3])?,
         min_fill: within("min_fill", wire.min_fill, default.min_fill, [0.0, 1.0])?,
+        max_centroids: count_of(wire, default.max_centroids)?,
+    })
+}
+
+fn sky_of(wire: &DetectorWire) -> Result<SkyOptions, Fault> {
+    let default = SkyOptions::default();
+    Ok(SkyOptions {
+        min_score: within("min_score", wire.min_score, default.min_score, [0.0, 1.0])?,
+        min_area_px: within("min_area_px", wire.min_area_px, default.min_area_px, [0.0, 1e9])?,
         max_centroids: count_of(wire, default.max_centroids)?,
     })
 }

@@ -37,6 +37,13 @@ pub struct FrameRequest {
     pub refine: bool,
     /// When the frame was taken, microseconds since the Unix epoch; copied to the reply.
     pub timestamp_us: Option<i64>,
+    /// Detections by `edge`: the sequence that the frame belongs to, by a name of the client's choice. Frames of one name are taken in
+    /// the order in which they come, and what is found in them is followed from frame to frame.
+    #[schema(max_length = 128)]
+    pub sequence: Option<String>,
+    /// Number of the frame in its sequence. Up to 3 may be missing, as may half a second between timestamps; over more, over a frame
+    /// from earlier, another size or a cut, tracks begin anew.
+    pub frame_index: Option<u64>,
     /// What to do with an orientation that the file states (EXIF).
     pub orientation: OrientationHandling,
     /// Width of a raw frame.
@@ -105,6 +112,8 @@ impl Default for FrameRequest {
             solver: SolverName::default(),
             refine: true,
             timestamp_us: None,
+            sequence: None,
+            frame_index: None,
             orientation: OrientationHandling::default(),
             width: None,
             height: None,

@@ -53,8 +53,14 @@ pub struct CentroidWire {
     pub area_px: f64,
     /// x, y, width, height of the pixels that it spans.
     pub box_px: [u32; 4],
-    /// How much it looks like a marker, 0 to 1.
+    /// How much it looks like a marker, 0 to 1; of `edge`, the probability that it flies.
     pub score: f64,
+    /// What it is, where that is known: `aircraft` or `bird`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class: Option<String>,
+    /// Its number in a sequence; the same thing has the same in every frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track_id: Option<u32>,
     /// The marker that it was identified with; null where it belongs to no target.
     #[schema(required = true)]
     pub marker: Option<String>,
@@ -97,6 +103,8 @@ pub fn centroids_of(detection: &Detection) -> Vec<CentroidWire> {
         area_px: c.area_px,
         box_px: box_of(c.bounds),
         score: c.score,
+        class: c.class.map(|class| class.name().into()),
+        track_id: c.track_id,
         marker: None,
         target: None,
         instance: None,
@@ -134,6 +142,18 @@ pub struct Timing {
     pub total: u64,
 }
 
+/// Where in its sequence a frame stands.
+#[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
+#[schema(as = Sequence)]
+pub struct SequenceWire {
+    /// The sequence's name.
+    pub name: String,
+    /// Why tracks begin anew with this frame: `first`, `gap` (frames or time are missing, or it comes from earlier), `resized`, `cut`
+    /// (another scene). Null where they go on.
+    #[schema(required = true)]
+    pub beginning: Option<String>,
+}
+
 /// Reply to a detection request.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
 pub struct DetectionReply {
@@ -145,6 +165,9 @@ pub struct DetectionReply {
     /// Hues of the markers, from, to in degrees, learned from the request's `sample_px`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hue_range_deg: Option<[f64; 2]>,
+    /// The sequence that it belongs to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sequence: Option<SequenceWire>,
     /// Candidates for markers, the best first.
     pub centroids: Vec<CentroidWire>,
     /// What was refused and why, the largest first, at most 64.

@@ -45,12 +45,14 @@ pub struct FrameQuery {
     min_fill: Option<f64>,
     /// Most centroids returned.
     max_centroids: Option<usize>,
-    /// `edge`: how colour becomes gray.
+    /// `edge`: least probability of what is reported, 0 to 1.
+    min_score: Option<f64>,
+    /// `edge`, preset `thesis`: how colour becomes gray.
     gray: Option<GrayName>,
-    /// `edge`: the median's window: rows,columns.
+    /// `edge`, preset `thesis`: the median's window: rows,columns.
     #[param(value_type = Option<String>, example = "9,10")]
     median_px: Option<[usize; 2]>,
-    /// `edge`: gradient above which a pixel is an edge, as a share of full scale.
+    /// `edge`, preset `thesis`: gradient above which a pixel is an edge, as a share of full scale.
     threshold: Option<f64>,
     /// Region of interest: x,y,width,height in whole pixels.
     #[param(value_type = Option<String>, example = "100,80,320,240")]
@@ -61,6 +63,11 @@ pub struct FrameQuery {
     refine: Option<bool>,
     /// When the frame was taken, microseconds since the Unix epoch.
     timestamp_us: Option<i64>,
+    /// Detections by `edge`: the sequence that the frame belongs to, by a name of the client's choice.
+    #[param(max_length = 128)]
+    sequence: Option<String>,
+    /// Number of the frame in its sequence.
+    frame_index: Option<u64>,
     /// What to do with an orientation that the file states.
     orientation: Option<OrientationHandling>,
     /// Width of a raw frame.
@@ -84,7 +91,7 @@ enum Form {
 }
 
 /// Parameters of the request itself.
-const REQUEST: [(&str, Form); 13] = [
+const REQUEST: [(&str, Form); 15] = [
     ("camera", Form::Text),
     ("target", Form::Names),
     ("targets", Form::Names),
@@ -93,6 +100,8 @@ const REQUEST: [(&str, Form); 13] = [
     ("solver", Form::Text),
     ("refine", Form::Flag),
     ("timestamp_us", Form::Number),
+    ("sequence", Form::Text),
+    ("frame_index", Form::Number),
     ("orientation", Form::Text),
     ("width", Form::Number),
     ("height", Form::Number),
@@ -101,7 +110,7 @@ const REQUEST: [(&str, Form); 13] = [
 ];
 
 /// Parameters of its detector.
-const DETECTOR: [(&str, Form); 14] = [
+const DETECTOR: [(&str, Form); 15] = [
     ("method", Form::Text),
     ("preset", Form::Text),
     ("color", Form::Text),
@@ -113,6 +122,7 @@ const DETECTOR: [(&str, Form); 14] = [
     ("max_elongation", Form::Number),
     ("min_fill", Form::Number),
     ("max_centroids", Form::Number),
+    ("min_score", Form::Number),
     ("gray", Form::Text),
     ("median_px", Form::Numbers),
     ("threshold", Form::Number),

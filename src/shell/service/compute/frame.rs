@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::Terms;
 use crate::camera::Camera;
 use crate::detect::color::learned;
-use crate::detect::{Detection, Detector, HueRange, detect};
+use crate::detect::{Detection, Detector, HueRange, Stamp, Watch, detect};
 use crate::frame::{Decoding, Frame, RawFormat, Region};
 use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
@@ -31,12 +31,30 @@ pub struct FrameTask {
     max_instances: usize,
     pose: crate::pose::PoseOptions,
     timestamp_us: Option<i64>,
+    sequence: Option<String>,
+    frame_index: Option<u64>,
     apply_orientation: bool,
     raw: Option<(RawFormat, u32, u32)>,
 }
 
+/// A frame, still encoded or not.
+pub enum Seen<'a> {
+    /// Its bytes.
+    Bytes(&'a [u8]),
+    /// Itself, with the time that it took to decode.
+    Frame {
+        /// The frame.
+        frame: Frame,
+        /// Whole microseconds.
+        decode_us: u64,
+    },
+}
+
 /// Most targets looked for in one frame.
 const MAX_TARGETS: usize = 16;
+
+/// Longest name of a sequence, bytes.
+const MAX_SEQUENCE_NAME: usize = 128;
 
 /// Most of each target looked for in one frame.
 const MAX_INSTANCES: usize = 16;
@@ -71,16 +89,29 @@ impl FrameTask {
             (Some(format), Some(width), Some(height)) => Some((format.format(), width, height)),
             _ => return Err(Fault::senseless("/format", "a raw frame needs format, width and height, all three")),
         };
+        let detector = Detector::try_from(&request.detector).map_err(|fault| fault.within("/detector"))?;
+        if let Some(name) = &request.sequence {
+            if !matches!(detector, Detector::Sky(_)) {
+                let detail = "only the method edge, without the preset thesis, follows a sequence";
+                return Err(Fault::senseless("/sequence", detail));
+            }
+            if !(1..=MAX_SEQUENCE_NAME).contains(&name.len()) {
+                let detail = format!("a name of {} bytes: from 1 to {MAX_SEQUENCE_NAME} are accepted", name.len());
+                return Err(Fault::senseless("/sequence", detail));
+            }
+        }
         Ok(Self {
             id: request.id,
             camera,
             targets,
-            detector: Detector::try_from(&request.detector).map_err(|fault| fault.within("/detector"))?,
+            detector,
             sample: request.detector.sample_px.map(region_of),
             region: request.region_px.map(region_of),
             max_instances,
             pose: request.solver.options(request.refine),
             timestamp_us: request.timestamp_us,
+            sequence: request.sequence,
+            frame_index: request.frame_index,
             apply_orientation: request.orientation == OrientationHandling::Apply,
             raw,
         })
@@ -99,6 +130,12 @@ impl FrameTask {
         }
         if request.targets.is_empty() {
             return Err(Fault::senseless("/targets", "an estimate needs at least one target"));
+        }
+        if request.sequence.is_some() {
+            return Err(Fault::senseless(
+                "/sequence",
+                "an estimate looks at a single frame; detections follow a sequence",
+            ));
         }
         Self::checked(request, lookup).await
     }
@@ -149,8 +186,9 @@ impl FrameTask {
         }
     }
 
-    /// When the next frame was taken: of a sequence, all frames have one task.
-    pub const fn set_timestamp_us(&mut self, timestamp_us: i64) {
+    /// Which frame is the next, and when it was taken: of a video, all frames have one task.
+    pub const fn set_place(&mut self, index: u64, timestamp_us: i64) {
+        self.frame_index = Some(index);
         self.timestamp_us = Some(timestamp_us);
     }
 
@@ -159,34 +197,62 @@ impl FrameTask {
     /// # Errors
     /// As [`decode`](Self::decode); a region that is not on the frame.
     pub fn detected(&self, bytes: &[u8], terms: &Terms) -> Result<(Frame, Detection, Timing), Fault> {
-        let mut watch = Stopwatch::start();
-        let frame = self.decode(bytes, terms)?;
-        let decode = watch.lap("decode");
-        self.detected_after(decode, frame, watch)
+        self.seen(Seen::Bytes(bytes), terms, None)
     }
 
-    /// As [`detected`](Self::detected) in a frame that took `decode_us` to decode.
+    /// As [`detected`](Self::detected), for the next frame of a sequence. What knows no sequences takes it as a single frame.
     ///
     /// # Errors
-    /// A frame that is not one of the camera; a region that is not on the frame.
-    pub fn detected_in(&self, frame: Frame, decode_us: u64) -> Result<(Frame, Detection, Timing), Fault> {
-        self.check(&frame)?;
-        let (frame, detection, mut timing) = self.detected_after(decode_us, frame, Stopwatch::start())?;
-        timing.total += decode_us;
-        Ok((frame, detection, timing))
+    /// As [`detected`](Self::detected); the sequence then is as it was.
+    pub fn followed(
+        &self,
+        bytes: &[u8],
+        terms: &Terms,
+        watch: &mut Watch,
+    ) -> Result<(Frame, Detection, Timing), Fault> {
+        self.seen(Seen::Bytes(bytes), terms, Some(watch))
     }
 
-    fn detected_after(
+    /// The blobs of a frame, decoded or not, which may be the next of a sequence.
+    ///
+    /// # Errors
+    /// As [`decode`](Self::decode); a frame that is not one of the camera; a region that is not on the frame. The sequence then
+    /// is as it was.
+    pub fn seen(
         &self,
-        decode: u64,
-        frame: Frame,
-        mut watch: Stopwatch,
+        seen: Seen<'_>,
+        terms: &Terms,
+        watch: Option<&mut Watch>,
     ) -> Result<(Frame, Detection, Timing), Fault> {
+        let mut stopwatch = Stopwatch::start();
+        let (frame, decode, before) = match seen {
+            Seen::Bytes(bytes) => {
+                let frame = self.decode(bytes, terms)?;
+                (frame, stopwatch.lap("decode"), 0)
+            }
+            Seen::Frame { frame, decode_us } => {
+                self.check(&frame)?;
+                (frame, decode_us, decode_us)
+            }
+        };
         let region = self.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height());
         let region = region.map_err(|error| Fault::of_frame(&error))?;
-        let detection = detect(&frame, region, self.detector_for(&frame)?.as_ref());
-        let timing = Timing { decode, detect: watch.lap("detect"), identify: None, solve: None, total: watch.total() };
-        Ok((frame, detection, timing))
+        let detection = match (self.detector_for(&frame)?.as_ref(), watch) {
+            (Detector::Sky(options), Some(watch)) => {
+                let stamp = Stamp { index: self.frame_index, timestamp_us: self.timestamp_us };
+                watch.observe(&frame, region, stamp, options)
+            }
+            (detector, _) => detect(&frame, region, detector),
+        };
+        let detect = stopwatch.lap("detect");
+        let total = before + stopwatch.total();
+        Ok((frame, detection, Timing { decode, detect, identify: None, solve: None, total }))
+    }
+
+    /// The sequence that the frame belongs to.
+    #[must_use]
+    pub fn sequence(&self) -> Option<&str> {
+        self.sequence.as_deref()
     }
 
     /// The blobs as a reply.
@@ -196,6 +262,7 @@ impl FrameTask {
             id: self.id.clone(),
             frame: FrameInfo::of(frame, self.timestamp_us),
             hue_range_deg: self.hue_range_deg(frame),
+            sequence: None,
             centroids: centroids_of(detection),
             refused: refused_of(detection),
             timing_us,
@@ -216,7 +283,7 @@ impl FrameTask {
     /// As [`estimated`](Self::estimated) in a frame that took `decode_us` to decode.
     ///
     /// # Errors
-    /// As [`detected_in`](Self::detected_in).
+    /// As [`seen`](Self::seen).
     pub fn estimated_in(
         &self,
         frame: Frame,

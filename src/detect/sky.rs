@@ -1,0 +1,123 @@
+//! Things in the sky without markers, as one who watches it to keep clear of them wants them: causal, one report for each thing, with
+//! the probability that it is one.
+//!
+//! A frame's walk: a pyramid of five levels ([`level`]); what stands out at each from its surroundings, over the clutter around
+//! ([`cells`]); whole things as pieces that hang together in otherwise quiet sky ([`silhouette`]), and single peaks where there is no
+//! quiet ([`finder`], [`outline`]). In a sequence also the camera's own motion ([`camera_motion`]) and what moves against it
+//! ([`change`]); candidates become tracks at the sequence's full rate ([`track`]); what their late frames told makes a probability
+//! ([`score`]) and, where shape and motion allow, a class ([`kind`]). [`Watch`] is all of it, frame by frame.
+//!
+//! Contrast over local clutter is the cell-averaging detector of radar (Finn and Johnson, RCA Review 1968) on differences of Gaussians;
+//! confirming small targets by motion against a compensated background follows Reed, Gagliardi and Stotts, "Optical moving target
+//! detection with 3-D matched filtering", IEEE T-AES 1988. Image tracks live here and not with those of poses: they know pixels
+//! only, no camera and no target.
+
+pub mod camera_motion;
+pub mod candidate;
+pub mod cells;
+pub mod change;
+pub mod finder;
+pub mod kind;
+pub mod level;
+mod luma;
+pub mod outline;
+pub mod scene_change;
+pub mod score;
+pub mod silhouette;
+pub mod track;
+pub mod watch;
+
+#[cfg(test)]
+mod tests;
+
+use super::{Centroid, Detection, in_frame};
+use crate::frame::{Frame, Region};
+use track::Track;
+
+pub use watch::{Beginning, Stamp, Watch};
+
+/// What is reported.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyOptions {
+    /// Things less probable than this are left out.
+    pub min_score: f64,
+    /// Smallest area, px.
+    pub min_area_px: f64,
+    /// Most centroids returned, the most probable.
+    pub max_centroids: usize,
+}
+
+impl Default for SkyOptions {
+    /// A caller who wants few false alarms sets a higher score; at one in fifty about one in a frame is left.
+    fn default() -> Self {
+        Self { min_score: 0.02, min_area_px: 1.0, max_centroids: 64 }
+    }
+}
+
+/// What is in `region` of a single frame. Of motion nothing is known, so the scores are lower than in a sequence.
+#[must_use]
+pub fn detect(frame: &Frame, region: Region, options: &SkyOptions) -> Detection {
+    let mut watch = Watch::new();
+    let mut detection = watch.observe(frame, region, Stamp::default(), options);
+    detection.centroids.iter_mut().for_each(|centroid| centroid.track_id = None);
+    detection
+}
+
+impl Watch {
+    /// The next frame of the sequence, of which `region` is looked at; it must lie on the frame.
+    pub fn observe(&mut self, frame: &Frame, region: Region, stamp: Stamp, options: &SkyOptions) -> Detection {
+        let mut samples = std::mem::take(&mut self.samples);
+        luma::take(frame, region, &mut samples);
+        self.observe_luma(&samples, [region.width as usize, region.height as usize], stamp);
+        self.samples = samples;
+        let mut centroids: Vec<Centroid> = self
+            .tracks()
+            .iter()
+            // What is not seen in this frame is not reported in it.
+            .filter(|track| track.misses == 0)
+            .map(|track| centroid(track, region))
+            .filter(|centroid| centroid.score >= options.min_score && centroid.area_px >= options.min_area_px)
+            .collect();
+        centroids.sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
+        centroids.truncate(options.max_centroids);
+        Detection { centroids, refused: Vec::new() }
+    }
+}
+
+fn centroid(track: &Track, region: Region) -> Centroid {
+    let seen = &track.seen;
+    let within = |along: f64, side: u32| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the region")]
+        let along = along.clamp(0.0, f64::from(side)).round() as u32;
+        along
+    };
+    let [left, top, right, bottom] = seen.bounds;
+    let (x, y) = (within(left, region.width - 1), within(top, region.height - 1));
+    let bounds = Region {
+        x: x + region.x,
+        y: y + region.y,
+        width: within(right, region.width).saturating_sub(x).max(1),
+        height: within(bottom, region.height).saturating_sub(y).max(1),
+    };
+    Centroid {
+        pixel: in_frame(region, seen.place[0], seen.place[1]),
+        sigma_px: track::spread_px(seen),
+        area_px: seen.area_px,
+        bounds,
+        score: score::probability(track),
+        class: kind::class(track),
+        track_id: Some(track.id),
+    }
+}
+
+/// In single precision.
+#[expect(clippy::cast_possible_truncation, reason = "what is lost is far below a pixel or a gray level")]
+const fn single(number: f64) -> f32 {
+    number as f32
+}
+
+/// Rounded down; 0 for what is below.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is what it is for")]
+const fn whole(number: f64) -> usize {
+    number.max(0.0) as usize
+}

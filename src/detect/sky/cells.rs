@@ -1,0 +1,152 @@
+//! A map in cells of 8 by 8: how much there is in each, how much the strongest pixel has, and how restless it is around.
+
+use multiversion::multiversion;
+
+/// Side of a cell, px of its level.
+pub const SIDE: usize = 8;
+
+/// Sums and maxima of a map, and the clutter around each cell.
+#[derive(Clone, Debug, Default)]
+pub struct Cells {
+    /// Cells in a row.
+    pub columns: usize,
+    /// Rows of cells.
+    pub rows: usize,
+    /// Mean of each cell.
+    pub mean: Vec<f32>,
+    /// Largest of each cell.
+    pub most: Vec<u16>,
+    /// Mean of the ring around each cell.
+    pub clutter: Vec<f32>,
+    partial: Vec<f32>,
+}
+
+impl Cells {
+    /// Of a map of absolute values; columns and rows that fill no cell are left out.
+    pub fn take(&mut self, map: &[u16], width: usize, height: usize) {
+        (self.columns, self.rows) = (width / SIDE, height / SIDE);
+        let count = self.columns * self.rows;
+        self.mean.resize(count, 0.0);
+        self.most.resize(count, 0);
+        for row in 0..self.rows {
+            let lines = &map[row * SIDE * width..(row + 1) * SIDE * width];
+            let at = row * self.columns..(row + 1) * self.columns;
+            sum_up(lines, width, &mut self.mean[at.clone()], &mut self.most[at]);
+        }
+        self.ring();
+    }
+
+    /// Means of 7 by 7 cells less the middle 3 by 3, as far as they lie on the map: the target itself is not clutter.
+    fn ring(&mut self) {
+        let (columns, rows) = (self.columns, self.rows);
+        self.clutter.clear();
+        self.clutter.resize(columns * rows, 0.0);
+        if columns == 0 || rows == 0 {
+            return;
+        }
+        // An integral with a row and a column of zeros before it.
+        let stride = columns + 1;
+        self.partial.clear();
+        self.partial.resize(stride * (rows + 1), 0.0);
+        for row in 0..rows {
+            let mut line = 0.0;
+            for column in 0..columns {
+                line += self.mean[row * columns + column];
+                self.partial[(row + 1) * stride + column + 1] = self.partial[row * stride + column + 1] + line;
+            }
+        }
+        let sum = |partial: &[f32], row: usize, column: usize, reach: usize| {
+            let (top, left) = (row.saturating_sub(reach), column.saturating_sub(reach));
+            let (bottom, right) = ((row + reach + 1).min(rows), (column + reach + 1).min(columns));
+            let total =
+                partial[bottom * stride + right] - partial[top * stride + right] - partial[bottom * stride + left]
+                    + partial[top * stride + left];
+            (total, ((bottom - top) * (right - left)) as f32)
+        };
+        for row in 0..rows {
+            for column in 0..columns {
+                let (outer, all) = sum(&self.partial, row, column, 3);
+                let (inner, middle) = sum(&self.partial, row, column, 1);
+                let count = all - middle;
+                self.clutter[row * columns + column] =
+                    if count > 0.0 { ((outer - inner) / count).max(0.0) } else { outer / all };
+            }
+        }
+    }
+
+    /// Clutter at a pixel of the map.
+    #[must_use]
+    pub fn clutter_at(&self, x: usize, y: usize) -> f32 {
+        self.clutter.get(self.index(x, y)).copied().unwrap_or(0.0)
+    }
+
+    /// Mean of a pixel's cell.
+    #[must_use]
+    pub fn mean_at(&self, x: usize, y: usize) -> f32 {
+        self.mean.get(self.index(x, y)).copied().unwrap_or(0.0)
+    }
+
+    fn index(&self, x: usize, y: usize) -> usize {
+        let column = (x / SIDE).min(self.columns.saturating_sub(1));
+        let row = (y / SIDE).min(self.rows.saturating_sub(1));
+        row * self.columns + column
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn sum_up(lines: &[u16], width: usize, mean: &mut [f32], most: &mut [u16]) {
+    for (cell, (mean, most)) in mean.iter_mut().zip(most).enumerate() {
+        let mut sums = [0_u32; SIDE];
+        let mut peaks = [0_u16; SIDE];
+        for line in 0..SIDE {
+            let Some(samples) = lines[line * width + cell * SIDE..].first_chunk::<SIDE>() else { continue };
+            for i in 0..SIDE {
+                sums[i] += u32::from(samples[i]);
+                peaks[i] = peaks[i].max(samples[i]);
+            }
+        }
+        *mean = sums.iter().sum::<u32>() as f32 / (SIDE * SIDE) as f32;
+        *most = peaks.iter().copied().max().unwrap_or(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::random;
+
+    #[test]
+    fn sums_and_rings_are_those_of_their_definition() {
+        let mut rng = random::named("cells");
+        for (width, height) in [(8, 8), (75, 60), (160, 90), (9, 7)] {
+            let map: Vec<u16> = (0..width * height).map(|_| rng.random_range(0..32_640)).collect();
+            let mut cells = Cells::default();
+            cells.take(&map, width, height);
+            let (columns, rows) = (width / SIDE, height / SIDE);
+            assert_eq!([cells.columns, cells.rows], [columns, rows]);
+            let inside = |column: usize, row: usize| {
+                (0..SIDE * SIDE).map(move |i| (row * SIDE + i / SIDE) * width + column * SIDE + i % SIDE)
+            };
+            let mean = |column: usize, row: usize| {
+                inside(column, row).map(|at| f64::from(map[at])).sum::<f64>() / (SIDE * SIDE) as f64
+            };
+            for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+                let at = row * columns + column;
+                assert!((f64::from(cells.mean[at]) - mean(column, row)).abs() < 0.01);
+                assert_eq!(Some(cells.most[at]), inside(column, row).map(|at| map[at]).max());
+                let ring: Vec<f64> = (0..rows)
+                    .flat_map(|r| (0..columns).map(move |c| (r, c)))
+                    .filter(|(r, c)| (2..=3).contains(&r.abs_diff(row).max(c.abs_diff(column))))
+                    .map(|(r, c)| mean(c, r))
+                    .collect();
+                if !ring.is_empty() {
+                    let clutter = ring.iter().sum::<f64>() / ring.len() as f64;
+                    // An integral in single precision.
+                    assert!((f64::from(cells.clutter[at]) / clutter - 1.0).abs() < 1e-3);
+                }
+            }
+        }
+    }
+}

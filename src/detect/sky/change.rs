@@ -1,0 +1,152 @@
+//! What moves against the camera's own motion: the level of half size, less itself some frames ago laid on it.
+
+use multiversion::multiversion;
+
+use super::camera_motion::CameraMotion;
+use super::level::Level;
+use super::whole;
+
+/// Frames over which a change is looked for: at 30 a second a tenth of a second.
+pub const SPAN: usize = 3;
+
+/// Pixels along a row over which the shift is taken as constant: turned by a degree, the error at their ends is 0.14 px.
+const BLOCK: usize = 16;
+
+/// Past frames, and what changed since the oldest of them.
+#[derive(Clone, Debug, Default)]
+pub struct Change {
+    past: Vec<Vec<u16>>,
+    /// From the new frame to each of `past`, in px of the frame.
+    motions: Vec<CameraMotion>,
+    /// The lesser of contrast and change at every pixel of the level: what stands out, and did not stand there before.
+    pub moving: Vec<u16>,
+}
+
+impl Change {
+    /// Forgets the past.
+    pub fn reset(&mut self) {
+        self.motions.clear();
+    }
+
+    /// Whether there is a past to compare with.
+    #[must_use]
+    pub const fn is_known(&self) -> bool {
+        !self.motions.is_empty()
+    }
+
+    /// The next frame, `index` halvings of the frame being `level`; `motion` leads to the frame before, if there was one.
+    pub fn take(&mut self, level: &Level, index: usize, frame: [usize; 2], motion: Option<CameraMotion>) {
+        self.moving.clear();
+        self.moving.resize(level.width * level.height, 0);
+        if let Some(motion) = motion {
+            for known in &mut self.motions {
+                *known = motion.then(known);
+            }
+            if let Some(oldest) = self.motions.last().copied() {
+                let past = &self.past[self.motions.len() - 1];
+                compare(level, past, &oldest, f64::from(1_u32 << index), frame, &mut self.moving);
+            }
+        } else {
+            self.motions.clear();
+        }
+        // The newest comes first; the oldest one's memory is used again.
+        let mut memory = if self.past.len() < SPAN { Vec::new() } else { self.past.pop().unwrap_or_default() };
+        memory.clear();
+        memory.extend_from_slice(&level.smooth);
+        self.past.insert(0, memory);
+        self.motions.insert(0, CameraMotion::default());
+        self.motions.truncate(SPAN);
+    }
+}
+
+fn compare(level: &Level, past: &[u16], motion: &CameraMotion, scale: f64, frame: [usize; 2], out: &mut [u16]) {
+    let (width, height) = (level.width, level.height);
+    let middle = [0.5 * frame[0] as f64, 0.5 * frame[1] as f64];
+    for y in 1..height.saturating_sub(1) {
+        let mut x = 1;
+        while x + 1 < width {
+            let count = BLOCK.min(width - 1 - x);
+            let centre = [(x as f64 + 0.5 * count as f64) * scale - middle[0], (y as f64 + 0.5) * scale - middle[1]];
+            let [u, v] = motion.apply(centre);
+            let [dx, dy] = [(u - centre[0]) / scale, (v - centre[1]) / scale];
+            let (column, row) = (x as f64 + dx.floor(), y as f64 + dy.floor());
+            let fits = column >= 0.0
+                && row >= 0.0
+                && column + count as f64 + 1.0 <= width as f64
+                && row + 2.0 <= height as f64;
+            if fits {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1 in 1/128")]
+                let fraction = [(dx - dx.floor()) * 128.0, (dy - dy.floor()) * 128.0].map(|part| part as u32);
+                let at = whole(row) * width + whole(column);
+                let here = y * width + x;
+                compare_run(
+                    [&level.smooth[here - width..], &level.smooth[here - 1..], &level.smooth[here + width..]],
+                    &level.contrast[here..here + count],
+                    [&past[at..], &past[at + width..]],
+                    fraction,
+                    &mut out[here..here + count],
+                );
+            }
+            x += count;
+        }
+    }
+}
+
+/// A step of the picture by this share of a pixel is the aligner's error, not a change.
+const SLACK_SHIFT: u32 = 1;
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn compare_run(
+    [above, row, below]: [&[u16]; 3],
+    contrast: &[i16],
+    [upper, lower]: [&[u16]; 2],
+    [fx, fy]: [u32; 2],
+    out: &mut [u16],
+) {
+    let count = out.len();
+    let (above, below, row) = (&above[..count], &below[..count], &row[..count + 2]);
+    let (upper, lower) = (&upper[..=count], &lower[..=count]);
+    for i in 0..count {
+        let top = u32::from(upper[i]) * (128 - fx) + u32::from(upper[i + 1]) * fx;
+        let bottom = u32::from(lower[i]) * (128 - fx) + u32::from(lower[i + 1]) * fx;
+        let was = ((top >> 7) * (128 - fy) + (bottom >> 7) * fy) >> 7;
+        let change = was.abs_diff(u32::from(row[i + 1]));
+        let slope = u32::from(row[i].abs_diff(row[i + 2])) + u32::from(above[i].abs_diff(below[i]));
+        let beyond = change.saturating_sub(slope >> SLACK_SHIFT);
+        #[expect(clippy::cast_possible_truncation, reason = "contrast is below 2^15")]
+        let least = beyond.min(u32::from(contrast[i].unsigned_abs())) as u16;
+        out[i] = least;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::random;
+
+    #[test]
+    fn a_run_is_that_of_its_definition() {
+        let mut rng = random::named("change");
+        for count in [1, 5, 16] {
+            let mut line = |length: usize| -> Vec<u16> { (0..length).map(|_| rng.random_range(0..32_640)).collect() };
+            let (above, row, below) = (line(count), line(count + 2), line(count));
+            let (upper, lower) = (line(count + 1), line(count + 1));
+            let contrast: Vec<i16> = line(count).iter().map(|value| value.cast_signed() / 2 - 8000).collect();
+            let (fx, fy) = (37, 101);
+            let mut out = vec![0; count];
+            compare_run([&above, &row, &below], &contrast, [&upper, &lower], [fx, fy], &mut out);
+            for i in 0..count {
+                let (x, y) = (f64::from(fx) / 128.0, f64::from(fy) / 128.0);
+                let of = |line: &[u16]| (1.0 - x) * f64::from(line[i]) + x * f64::from(line[i + 1]);
+                let change = ((1.0 - y) * of(&upper) + y * of(&lower) - f64::from(row[i + 1])).abs();
+                let slope = row[i].abs_diff(row[i + 2])
+                    + above[i].abs_diff(below[i]).min(u16::MAX - row[i].abs_diff(row[i + 2]));
+                let least = (change - f64::from(slope) / 2.0).max(0.0).min(f64::from(contrast[i]).abs());
+                // Weights of 1/128, rounded down twice.
+                assert!((f64::from(out[i]) - least).abs() <= 3.0, "{} {least}", out[i]);
+            }
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Bird or aircraft, as far as shape and motion tell: wings that flap change the area that is seen from frame to frame.
+
+use super::track::Track;
+use crate::detect::Class;
+
+/// Frames in which a track must have been seen: a small bird flaps some four times in them.
+const LEAST_HITS: u32 = 20;
+/// Root mean square change of the logarithm of the area from frame to frame, above which it flaps, and below which it does not.
+const FLICKER: [f64; 2] = [0.35, 0.10];
+/// Of what is smaller than this, px, the area is that of its blur, and tells nothing.
+const LEAST_AREA_PX: f64 = 12.0;
+
+/// The class of a track; none where it is seen too little to tell.
+#[must_use]
+pub fn class(track: &Track) -> Option<Class> {
+    if track.hits < LEAST_HITS || track.seen.area_px < LEAST_AREA_PX {
+        return None;
+    }
+    let flicker = track.flicker.sqrt();
+    if flicker > FLICKER[0] {
+        Some(Class::Bird)
+    } else if flicker < FLICKER[1] {
+        Some(Class::Aircraft)
+    } else {
+        None
+    }
+}
