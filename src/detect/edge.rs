@@ -97,7 +97,9 @@ pub fn detect(frame: &Frame, region: Region, options: &EdgeOptions) -> Detection
 #[must_use]
 pub fn sifted(blobs: Vec<Blob>, region: Region, options: &EdgeOptions) -> Detection {
     let mut sieve = Sieve::of(options);
-    blobs.into_iter().for_each(|blob| sieve.take(blob));
+    for blob in blobs {
+        sieve.take(blob);
+    }
     sieve.detection(region)
 }
 

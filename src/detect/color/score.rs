@@ -106,49 +106,54 @@ impl Scoring {
     #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
     fn write(self, block: &[u8; 3 * LANES], out: &mut [u8; LANES]) {
-        let band = |first: usize| -> [i16; LANES] {
-            let samples: [u8; LANES] = std::array::from_fn(|i| block[3 * i + first]);
-            samples.map(|sample| ((u16::from(sample) << 8) ^ 0x8000).cast_signed())
-        };
         let [a, b] = self.forms;
-        let (second, third) = (band(1), band(2));
-        let mut least: [i16; LANES] =
-            std::array::from_fn(|i| a.add(second[i], third[i]).min(b.add(second[i], third[i])));
+        let (second, third) = (band::<1>(block), band::<2>(block));
+        let (mut of_a, mut of_b) = ([0_i16; LANES], [0_i16; LANES]);
+        for i in 0..LANES {
+            of_a[i] =
+                a.offset.saturating_add(high(second[i], a.weights[1])).saturating_add(high(third[i], a.weights[2]));
+            of_b[i] =
+                b.offset.saturating_add(high(second[i], b.weights[1])).saturating_add(high(third[i], b.weights[2]));
+        }
         // In YCbCr the first band, luma, does not count.
         if a.weights[0] != 0 || b.weights[0] != 0 {
-            let first = band(0);
-            least = std::array::from_fn(|i| {
-                let [a_all, b_all] =
-                    [a, b].map(|form| form.add(second[i], third[i]).saturating_add(high(first[i], form.weights[0])));
-                a_all.min(b_all)
-            });
+            let first = band::<0>(block);
+            for i in 0..LANES {
+                of_a[i] = of_a[i].saturating_add(high(first[i], a.weights[0]));
+                of_b[i] = of_b[i].saturating_add(high(first[i], b.weights[0]));
+            }
         }
-        let scores: [u8; LANES] = std::array::from_fn(|i| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
-            let score = (least[i] >> self.bits).clamp(0, 255) as u8;
-            score
-        });
-        if scores.iter().fold(0, |any, score| any | score) != 0 {
+        let mut scores = [0; LANES];
+        let mut any = 0;
+        for i in 0..LANES {
+            #[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
+            let score = (of_a[i].min(of_b[i]) >> self.bits).clamp(0, 255) as u8;
+            scores[i] = score;
+            any |= score;
+        }
+        if any != 0 {
             *out = scores;
         }
     }
 }
 
-impl Fixed {
-    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
-    #[inline(always)]
-    fn add(self, second: i16, third: i16) -> i16 {
-        self.offset.saturating_add(high(second, self.weights[1])).saturating_add(high(third, self.weights[2]))
+/// Samples of a band less 128 and times 256.
+#[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+#[inline(always)]
+fn band<const FIRST: usize>(block: &[u8; 3 * LANES]) -> [i16; LANES] {
+    let samples: [u8; LANES] = std::array::from_fn(|i| block[3 * i + FIRST]);
+    let mut band = [0; LANES];
+    for i in 0..LANES {
+        band[i] = ((u16::from(samples[i]) << 8) ^ 0x8000).cast_signed();
     }
+    band
 }
 
 /// The upper half of a product.
 #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
 #[inline(always)]
 fn high(a: i16, b: i16) -> i16 {
-    #[expect(clippy::cast_possible_truncation, reason = "the upper half of 32 bits")]
-    let high = ((i32::from(a) * i32::from(b)) >> 16) as i16;
-    high
+    ((i32::from(a) * i32::from(b)) >> 16) as i16
 }
 
 #[cfg(test)]
@@ -173,8 +178,7 @@ mod tests {
 
     fn exact_score(hue: &HueRange, rgb: [u8; 3]) -> f64 {
         let [r, g, b] = rgb.map(f64::from);
-        let chroma =
-            Vector2::new(-0.168_736 * r - 0.331_264 * g + 0.5 * b, 0.5 * r - 0.418_688 * g - 0.081_312 * b);
+        let chroma = Vector2::new(-0.168_736 * r - 0.331_264 * g + 0.5 * b, 0.5 * r - 0.418_688 * g - 0.081_312 * b);
         hue.edges().iter().map(|e| e.dot(&chroma)).fold(f64::INFINITY, f64::min).clamp(0.0, 255.0)
     }
 

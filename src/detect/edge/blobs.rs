@@ -125,7 +125,9 @@ pub(super) fn each(bits: &Bits, mut ended: impl FnMut(Blob)) {
         std::mem::swap(&mut open, &mut kept);
         std::mem::swap(&mut above, &mut here);
     }
-    open.iter().for_each(|sum| ended(sum.blob()));
+    for sum in &open {
+        ended(sum.blob());
+    }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "fewer labels than pixels")]

@@ -63,7 +63,7 @@ mod tests {
     proptest! {
         #[test]
         fn one_walk_gives_what_the_steps_give(
-            sides in (1_u32..150, 1_u32..12), black in any::<bool>(), kind in 0..3, seed in any::<u64>()
+            sides in (1_u32..150, 1_u32..12), black in any::<bool>(), kind in 0_usize..3, seed in any::<u64>()
         ) {
             let (width, height) = sides;
             let mut state = seed | 1;
@@ -72,7 +72,7 @@ mod tests {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
                 state.to_be_bytes()[0]
             }).collect();
-            let pixels = [Pixels::Luma, Pixels::Rgb, Pixels::YCbCr][kind as usize](samples);
+            let pixels = [Pixels::Luma, Pixels::Rgb, Pixels::YCbCr][kind](samples);
             let frame = Frame::checked(width, height, pixels, Coding::LOSSLESS).expect("a frame");
             let inner = Region { x: width / 4, y: height / 3, width: width.div_ceil(2), height: height.div_ceil(2) };
             for region in [frame.full(), inner] {

@@ -111,7 +111,9 @@ mod tests {
             .collect();
         for most in [0, 1, 64] {
             let mut largest = Largest::of(most);
-            blobs.iter().for_each(|blob| largest.take(*blob));
+            for blob in &blobs {
+                largest.take(*blob);
+            }
             let mut slow = blobs.clone();
             slow.sort_by_key(large_first);
             let keys = |list: &[Blob]| list.iter().map(large_first).collect::<Vec<_>>();

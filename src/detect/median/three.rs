@@ -6,6 +6,9 @@
 
 use super::{Padded, Plane};
 
+/// Samples that one instruction or two take.
+const LANES: usize = 64;
+
 /// The sorted columns of three rows, reused from row to row.
 #[derive(Clone, Debug)]
 pub(in crate::detect) struct Columns {
@@ -17,7 +20,7 @@ pub(in crate::detect) struct Columns {
 impl Columns {
     /// For pictures of `width` columns.
     pub(in crate::detect) fn of_width(width: usize) -> Self {
-        let row = vec![0; width + 2];
+        let row = vec![0; width + 2 + LANES];
         Self { low: row.clone(), middle: row.clone(), high: row }
     }
 
@@ -30,9 +33,9 @@ impl Columns {
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1+ssse3"))]
 fn sort([above, here, below]: [&[u8]; 3], low: &mut [u8], middle: &mut [u8], high: &mut [u8]) {
-    let length = low.len();
-    let (above, here, below) = (&above[..length], &here[..length], &below[..length]);
-    let (middle, high) = (&mut middle[..length], &mut high[..length]);
+    let length = above.len();
+    let (here, below) = (&here[..length], &below[..length]);
+    let (low, middle, high) = (&mut low[..length], &mut middle[..length], &mut high[..length]);
     for x in 0..length {
         let (least, most) = (above[x].min(here[x]), above[x].max(here[x]));
         low[x] = least.min(below[x]);
@@ -41,18 +44,31 @@ fn sort([above, here, below]: [&[u8]; 3], low: &mut [u8], middle: &mut [u8], hig
     }
 }
 
+/// The columns hold a block more than the row, so that every block is whole.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1+ssse3"))]
 fn choose(low: &[u8], middle: &[u8], high: &[u8], out: &mut [u8]) {
-    let length = out.len();
-    let [low_a, low_b, low_c] = [0, 1, 2].map(|at| &low[at..][..length]);
-    let [middle_a, middle_b, middle_c] = [0, 1, 2].map(|at| &middle[at..][..length]);
-    let [high_a, high_b, high_c] = [0, 1, 2].map(|at| &high[at..][..length]);
-    for x in 0..length {
-        let low = low_a[x].max(low_b[x]).max(low_c[x]);
-        let middle = of_three(middle_a[x], middle_b[x], middle_c[x]);
-        let high = high_a[x].min(high_b[x]).min(high_c[x]);
-        out[x] = of_three(low, middle, high);
+    for (block, out) in out.chunks_mut(LANES).enumerate() {
+        let at = LANES * block;
+        let (low_a, low_b, low_c) = (lanes(low, at), lanes(low, at + 1), lanes(low, at + 2));
+        let (middle_a, middle_b, middle_c) = (lanes(middle, at), lanes(middle, at + 1), lanes(middle, at + 2));
+        let (high_a, high_b, high_c) = (lanes(high, at), lanes(high, at + 1), lanes(high, at + 2));
+        let mut medians = [0; LANES];
+        for i in 0..LANES {
+            let low = low_a[i].max(low_b[i]).max(low_c[i]);
+            let middle = of_three(middle_a[i], middle_b[i], middle_c[i]);
+            let high = high_a[i].min(high_b[i]).min(high_c[i]);
+            medians[i] = of_three(low, middle, high);
+        }
+        out.copy_from_slice(&medians[..out.len()]);
     }
+}
+
+#[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+#[inline(always)]
+fn lanes(row: &[u8], at: usize) -> [u8; LANES] {
+    let mut lanes = [0; LANES];
+    lanes.copy_from_slice(&row[at..][..LANES]);
+    lanes
 }
 
 #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
