@@ -80,9 +80,9 @@ fn marker_row(size_px: [u32; 2], method: &str, shows: &str, detector: &Detector)
         .collect();
     let whole = least_ms(|| drop(black_box(detect(black_box(&frame), frame.full(), detector))));
     let fits = least_ms(|| {
-        seeds.iter().for_each(|seed| {
+        for seed in &seeds {
             black_box(locate(&frame, seed, chroma));
-        })
+        }
     });
     format!("{:8}{whole:7.3}{fits:8.3}{:8.3}", found.len(), (whole - fits).max(0.0))
 }

@@ -16,8 +16,7 @@ mod tally;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use skypose::detect::{BeaconOptions, Detector};
-use skypose::pipeline::{Options, estimate};
+use skypose::pipeline::estimate;
 use tally::{CONFIDENT, Outcome, Tally, outcome};
 
 /// What a suite must reach.
@@ -51,10 +50,9 @@ fn the_committed_frames_give_their_markers_and_poses() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/frames");
     let mut suites: BTreeMap<String, (Tally, u32)> = BTreeMap::new();
     for known in data::frames(&folder) {
-        let detector = if known.is_lit { Detector::Beacon(BeaconOptions::default()) } else { Detector::default() };
-        let options = Options { detector, ..Options::default() };
-        let estimate = estimate(&known.frame, &known.camera, std::slice::from_ref(&known.target), &options, |_| {})
-            .expect("of this camera");
+        let targets = std::slice::from_ref(&known.target);
+        let estimate =
+            estimate(&known.frame, &known.camera, targets, &known.options(), |_| {}).expect("of this camera");
         let found = &estimate.targets[0];
         let Some(pose) = known.pose.filter(|_| known.facing) else {
             assert!(found.answer.is_err(), "{}: a pose of nothing", known.name);

@@ -453,12 +453,10 @@ fn frames_of_another_renderer_give_their_poses_too() {
         return;
     }
     let mut suites: BTreeMap<String, Tally> = BTreeMap::new();
-    let is_by_colour = |known: &data::Known| !known.is_lit;
-    let (by_colour, lit): (Vec<_>, Vec<_>) = data::frames(&folder).into_iter().partition(is_by_colour);
-    for known in by_colour.into_iter().chain(lit) {
+    for known in data::frames(&folder) {
         let tally = suites.entry(known.suite.clone()).or_default();
-        // By colour even where markers are LEDs: what a caller gets who does not say so.
-        let estimate = look(&known.frame, &known.camera, &known.target);
+        let targets = std::slice::from_ref(&known.target);
+        let estimate = estimate(&known.frame, &known.camera, targets, &known.options(), |_| ()).expect("of its camera");
         let found = &estimate.targets[0];
         let Some(pose) = known.pose.filter(|_| known.facing) else {
             assert!(found.answer.is_err(), "{}: a pose of nothing", known.name);

@@ -6,8 +6,10 @@ use std::path::Path;
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use serde_json::Value;
 use skypose::camera::{Camera, Distortion, Pixel};
+use skypose::detect::{BeaconOptions, Detector};
 use skypose::frame::{Decoding, Frame};
 use skypose::geometry::CameraFromTarget;
+use skypose::pipeline::Options;
 use skypose::target::{Marker, Target};
 
 /// A frame with truth.
@@ -17,7 +19,7 @@ pub struct Known {
     /// What kind it is.
     pub suite: String,
     /// Whether its markers are LEDs.
-    pub is_lit: bool,
+    is_lit: bool,
     /// The picture.
     pub frame: Frame,
     /// What it was taken with.
@@ -33,6 +35,12 @@ pub struct Known {
 }
 
 impl Known {
+    /// How to look for its markers.
+    pub fn options(&self) -> Options {
+        let detector = if self.is_lit { Detector::Beacon(BeaconOptions::default()) } else { Detector::default() };
+        Options { detector, ..Options::default() }
+    }
+
     /// Where the marker's light is, if it is seen.
     pub fn centroid(&self, marker: usize) -> Option<&Pixel> {
         self.centroids.get(&self.target.markers()[marker].id)

@@ -132,16 +132,9 @@ impl Shot {
             ("edge thesis: Skypose", run(rgb, Detector::Edge(EdgeOptions::THESIS))),
             ("decode: Skypose to YCbCr", timed(|| decoded(jpeg, NATIVE))),
             ("decode: Skypose to RGB", timed(|| decoded(jpeg, Wanted::Rgb))),
-            ("decode: zune-jpeg to luma", timed(|| luma(jpeg))),
+            ("decode: Skypose to luma", timed(|| decoded(jpeg, Wanted::Luma))),
         ])
     }
-}
-
-/// What luma alone would cost; Skypose has no use for it, as it is no faster.
-fn luma(jpeg: &[u8]) -> Option<Vec<u8>> {
-    use zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions};
-    let options = DecoderOptions::new_fast().jpeg_set_out_colorspace(ColorSpace::Luma);
-    zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(jpeg), options).decode().ok()
 }
 
 /// Milliseconds of one call.
