@@ -1,6 +1,11 @@
-//! What detection without markers costs, in ms: the seed's edge detector step by step, at three sizes, with its window and with a small
-//! one; the sky detector for a single frame and for the next frame of a sequence, from luma as a video has it. For a clear sky with an
-//! aircraft and for a frame of noise. The least of many runs, as others on the machine only ever add to the time.
+//! What the detectors cost, step by step, in ms, at three sizes. The least of many runs, as others on the machine only ever add to
+//! the time.
+//!
+//! Colour and beacon: a wing with six discs before clouds (for the beacon six LEDs at night), the same among forty red things,
+//! and a frame of red noise, each through a JPEG. `locate` is the ellipse fit of what was found; `search` is the rest, score and
+//! blobs. The seed's edges: with its window and with a small one, for a clear sky with an aircraft and for a frame of noise; the steps
+//! one by one, and `whole`, which for the small window takes them in one walk. The sky detector: for a single frame and for the next
+//! frame of a sequence, from luma as a video has it.
 
 #![allow(clippy::print_stdout, reason = "a benchmark prints its table")]
 #![allow(clippy::expect_used, reason = "a benchmark of a frame that cannot be made must stop")]
@@ -8,14 +13,21 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use rand::RngExt;
+use nalgebra::{Matrix2, Vector2, Vector3};
+use rand::{Rng, RngExt};
+use skypose::camera::{Camera, Distortion};
 use skypose::detect::edge::{blobs, sifted};
 use skypose::detect::gray::gray;
+use skypose::detect::locate::{Seed, locate};
 use skypose::detect::median::median;
 use skypose::detect::sobel::sobel;
-use skypose::detect::{Detector, EdgeOptions, SkyOptions, Stamp, Watch, detect};
-use skypose::frame::{Coding, Frame, Pixels};
+use skypose::detect::{BeaconOptions, ColorOptions, Detector, EdgeOptions, SkyOptions, Stamp, Watch, detect};
+use skypose::frame::{Coding, Decoding, Frame, Pixels};
+use skypose::geometry::{CameraFromTarget, rotation};
 use skypose::random;
+use skypose::scene::encode;
+use skypose::scene::models::wing;
+use skypose::scene::render::{Distractor, Model, Optics, Shape, Sky, render};
 
 const SIZES_PX: [[u32; 2]; 3] = [[640, 480], [1280, 720], [1920, 1080]];
 /// Time for each figure.
@@ -26,6 +38,19 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
+    println!("{:<12} {:<8} {:<9}   found  whole  locate  search", "frame", "method", "shows");
+    for size_px in SIZES_PX {
+        for shows in ["clear", "clutter", "red noise"] {
+            let size = format!("{}x{}", size_px[0], size_px[1]);
+            for (method, detector) in [
+                ("color", Detector::Color(ColorOptions::default())),
+                ("beacon", Detector::Beacon(BeaconOptions::default())),
+            ] {
+                println!("{size:<12} {method:<8} {shows:<9}{}", marker_row(size_px, method, shows, &detector));
+            }
+        }
+    }
+    println!();
     println!("{:<12} {:<8} {:<7}    gray  median   Sobel   blobs  filter   whole", "frame", "options", "shows");
     for [width, height] in SIZES_PX {
         for (name, options) in [("thesis", EdgeOptions::THESIS), ("default", EdgeOptions::default())] {
@@ -56,6 +81,63 @@ fn sky_row(frame: &Frame) -> String {
     ]
     .map(|ms| format!("{ms:8.3}"))
     .concat()
+}
+
+fn marker_row(size_px: [u32; 2], method: &str, shows: &str, detector: &Detector) -> String {
+    let mut rng = random::named(&format!("bench detect {method} {shows}"));
+    let frame = match shows {
+        "red noise" => red_noise(size_px, &mut rng),
+        _ => rendered(size_px, method == "beacon", if shows == "clutter" { 40 } else { 0 }, &mut rng),
+    };
+    let jpeg = encode::jpeg(&frame, 90).expect("fits a JPEG");
+    let frame = Frame::decode(&jpeg, &Decoding::default()).expect("a JPEG");
+    let found = detect(&frame, frame.full(), detector).centroids;
+    let chroma = matches!(detector, Detector::Color(_)).then(|| Vector2::new(-0.31, 0.95));
+    let seeds: Vec<Seed> = found
+        .iter()
+        .map(|c| {
+            let moments = Matrix2::identity() * (c.area_px / (4.0 * std::f64::consts::PI));
+            Seed { pixel: c.pixel, moments, sigma_px: c.sigma_px }
+        })
+        .collect();
+    let whole = least_ms(|| drop(black_box(detect(black_box(&frame), frame.full(), detector))));
+    let fits = least_ms(|| {
+        for seed in &seeds {
+            black_box(locate(&frame, seed, chroma));
+        }
+    });
+    format!("{:8}{whole:7.3}{fits:8.3}{:8.3}", found.len(), (whole - fits).max(0.0))
+}
+
+/// Six discs under a wing before clouds, or six LEDs in the dark.
+fn rendered([width, height]: [u32; 2], at_night: bool, things: u32, rng: &mut impl Rng) -> Frame {
+    let (w, h) = (f64::from(width), f64::from(height));
+    let lens = Distortion::PlumbBob([-0.12, 0.05, 4e-4, -3e-4, 0.0]);
+    let camera = Camera::checked([width, height], [w / 1.28; 2], [w / 2.0 - 3.5, h / 2.0 - 3.0], lens).expect("good");
+    let pose = CameraFromTarget::new(rotation::exp(&Vector3::new(0.35, -0.25, 0.6)), Vector3::new(0.4, -0.2, 4.5));
+    let distractors = (0..things).map(|_| Distractor {
+        shape: if rng.random_bool(0.5) { Shape::Ellipse } else { Shape::Rectangle },
+        centre_px: [rng.random_range(0.0..w), rng.random_range(0.0..h)],
+        half_px: [rng.random_range(2.0..12.0), rng.random_range(2.0..12.0)],
+        turn_rad: rng.random_range(0.0..3.0),
+        rgb: [rng.random_range(100..230), rng.random_range(15..120), rng.random_range(15..120)],
+    });
+    let distractors = distractors.collect();
+    let (sky, model) = if at_night {
+        let dark = Model { body_rgb: [16, 16, 18], paint: Vec::new(), marker_gain: 12.0, ..wing() };
+        (Sky { distractors, ..Sky::plain([9, 10, 14]) }, dark)
+    } else {
+        (Sky { distractors, ..Sky::fair(1, [0.0; 2]) }, wing())
+    };
+    render(&camera, &pose, &model, &sky, &Optics::default(), rng)
+}
+
+/// Every pixel a red of its own.
+fn red_noise([width, height]: [u32; 2], rng: &mut impl Rng) -> Frame {
+    let samples = (0..width * height)
+        .flat_map(|_| [rng.random_range(60..=255), rng.random_range(0..80), rng.random_range(0..80)])
+        .collect();
+    Frame::checked(width, height, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a frame")
 }
 
 fn row(frame: &Frame, options: &EdgeOptions) -> String {

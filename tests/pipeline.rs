@@ -10,7 +10,13 @@
     reason = "a test says what it takes for granted, and shows its figures"
 )]
 
+#[path = "known/frames.rs"]
+mod data;
+#[path = "known/tally.rs"]
+mod tally;
+
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use nalgebra::{Vector2, Vector3};
 use rand::{Rng, RngExt};
@@ -18,8 +24,8 @@ use skypose::camera::{Camera, Distortion, Pixel};
 use skypose::frame::{Coding, Decoding, Frame, FrameError, Pixels, Region};
 use skypose::geometry::{CameraFromTarget, rotation};
 use skypose::identify::{Blob, Hypothesis, IdentifyOptions, identify};
-use skypose::pipeline::{Estimate, Options, Stage, TargetEstimate, estimate};
-use skypose::pose::{NoPose, PoseEstimate};
+use skypose::pipeline::{Estimate, Options, Stage, estimate};
+use skypose::pose::NoPose;
 use skypose::random;
 use skypose::scene::cases::{self, Case};
 use skypose::scene::encode;
@@ -27,114 +33,12 @@ use skypose::scene::models::wing;
 use skypose::scene::render::{Distractor, Model, Optics, Shape, Sky, render};
 use skypose::scene::truth::{Sight, truth};
 use skypose::target::{Marker, Target};
-
-/// What the project promises of a frame in which six markers are seen: attitude within this, rad,
-const RIGHT_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
-/// and position within this share of the range. The mirrored minimum of a flat target is off by twice its tilt.
-const RIGHT_RANGE_RATIO: f64 = 0.05;
-
-/// An answer this probable is one to act on.
-const CONFIDENT: f64 = 0.95;
+use tally::{CONFIDENT, Outcome, Tally, outcome};
 
 /// A small camera with a real lens: 55 degrees wide.
 fn camera() -> Camera {
     let lens = Distortion::PlumbBob([-0.12, 0.05, 4e-4, -3e-4, 0.0]);
     Camera::checked([640, 480], [616.0, 617.0], [322.3, 237.8], lens).expect("a good camera")
-}
-
-fn is_right(found: &CameraFromTarget, truth: &CameraFromTarget) -> bool {
-    rotation::angle_between_rad(&found.rotation, &truth.rotation) < RIGHT_RAD
-        && (found.translation - truth.translation).norm() < RIGHT_RANGE_RATIO * truth.translation.norm()
-}
-
-/// What became of a frame with a target in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
-    /// The best pose is the right one.
-    Right,
-    /// The right one is among the alternatives, and the answer calls itself ambiguous.
-    Flagged,
-    /// There is no pose.
-    Missed,
-    /// The right one is nowhere, or the answer does not warn of it.
-    Wrong,
-}
-
-fn outcome(found: &TargetEstimate, truth: &CameraFromTarget) -> Outcome {
-    let right = |estimate: &PoseEstimate| is_right(&estimate.camera_from_target, truth);
-    match &found.answer {
-        Err(_) => Outcome::Missed,
-        Ok(answer) if right(&answer.best) => Outcome::Right,
-        Ok(answer) if answer.is_ambiguous() && answer.alternatives.iter().any(right) => Outcome::Flagged,
-        Ok(_) => Outcome::Wrong,
-    }
-}
-
-/// Counts of outcomes, and the errors of the centroids in units of their stated deviation.
-#[derive(Debug, Default)]
-struct Tally {
-    frames: u32,
-    right: u32,
-    flagged: u32,
-    missed: u32,
-    wrong: u32,
-    markers: u32,
-    normalized_squared: f64,
-    beyond_four: u32,
-    squared_px: f64,
-}
-
-impl Tally {
-    fn add(&mut self, outcome: Outcome) {
-        self.frames += 1;
-        *match outcome {
-            Outcome::Right => &mut self.right,
-            Outcome::Flagged => &mut self.flagged,
-            Outcome::Missed => &mut self.missed,
-            Outcome::Wrong => &mut self.wrong,
-        } += 1;
-    }
-
-    fn add_centroid(&mut self, found: &Pixel, sigma_px: f64, truth: &Pixel) {
-        let squared = (found - truth).norm_squared();
-        self.markers += 1;
-        self.normalized_squared += squared / sigma_px.powi(2);
-        self.squared_px += squared;
-        self.beyond_four += u32::from(squared > (4.0 * sigma_px).powi(2));
-    }
-
-    fn merge(&mut self, other: &Self) {
-        self.markers += other.markers;
-        self.normalized_squared += other.normalized_squared;
-        self.squared_px += other.squared_px;
-        self.beyond_four += other.beyond_four;
-    }
-
-    /// Mean of the squared normalised errors per axis: 1 where the stated deviations hold.
-    fn mean_square(&self) -> f64 {
-        self.normalized_squared / f64::from(2 * self.markers)
-    }
-
-    fn head() {
-        println!(
-            "{:<12}{:>8}{:>8}{:>10}{:>8}{:>8}{:>10}{:>12}{:>14}",
-            "suite", "frames", "right", "flagged", "missed", "wrong", "markers", "rms px", "(err/sigma)^2"
-        );
-    }
-
-    fn print(&self, suite: &str) {
-        let rms_px = (self.squared_px / f64::from(2 * self.markers)).sqrt();
-        println!(
-            "{suite:<12}{:>8}{:>8}{:>10}{:>8}{:>8}{:>10}{rms_px:>12.3}{:>14.2}",
-            self.frames,
-            self.right,
-            self.flagged,
-            self.missed,
-            self.wrong,
-            self.markers,
-            self.mean_square()
-        );
-    }
 }
 
 // ---- rendered frames ----
@@ -541,110 +445,18 @@ fn blobs_at_random_are_no_target() {
 
 // ---- frames with truth, where they are at hand ----
 
-mod data {
-    use std::path::{Path, PathBuf};
-
-    use nalgebra::{Matrix3, Rotation3};
-    use serde_json::Value;
-
-    use super::*;
-
-    pub fn folder() -> PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/markers")
-    }
-
-    /// A frame with truth.
-    pub struct Known {
-        pub name: String,
-        pub suite: String,
-        pub frame: Frame,
-        pub camera: Camera,
-        pub target: Target,
-        /// `None` without a target in it.
-        pub pose: Option<CameraFromTarget>,
-        /// Whether the marked side can be seen.
-        pub facing: bool,
-        /// Centroids of the visible markers' light.
-        centroids: BTreeMap<String, Pixel>,
-    }
-
-    impl Known {
-        /// Where the marker's light is, if it is seen.
-        pub fn centroid(&self, marker: usize) -> Option<&Pixel> {
-            self.centroids.get(&self.target.markers()[marker].id)
-        }
-    }
-
-    fn number(value: &Value) -> f64 {
-        value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
-    }
-
-    fn vector(value: &Value) -> Vector3<f64> {
-        Vector3::new(number(&value[0]), number(&value[1]), number(&value[2]))
-    }
-
-    fn list(value: &Value) -> &[Value] {
-        value.as_array().map_or(&[], Vec::as_slice)
-    }
-
-    pub fn frames() -> Vec<Known> {
-        let text = std::fs::read_to_string(folder().join("truth.json")).expect("the truth is beside the frames");
-        let truth: Value = serde_json::from_str(&text).expect("JSON");
-        list(&truth["frames"]).iter().map(known).collect()
-    }
-
-    fn known(entry: &Value) -> Known {
-        let name = entry["frame"].as_str().expect("a name").to_owned();
-        let bytes = std::fs::read(folder().join(&name)).expect("a frame");
-        let pose = entry.get("pose").filter(|pose| !pose.is_null()).map(|pose| {
-            let matrix = Matrix3::from_fn(|row, column| number(&pose["rotation"]["matrix"][row][column]));
-            CameraFromTarget::new(Rotation3::from_matrix_unchecked(matrix), vector(&pose["translation_m"]))
-        });
-        let centroid = |marker: &Value| {
-            let pixel = || Vector2::new(number(&marker["u_px"]), number(&marker["v_px"]));
-            (marker["state"] == "visible").then(|| (marker["marker"].as_str().expect("an id").to_owned(), pixel()))
-        };
-        Known {
-            suite: entry["suite"].as_str().expect("a suite").to_owned(),
-            frame: Frame::decode(&bytes, &Decoding::default()).expect("decodes"),
-            camera: camera(&entry["camera"]),
-            target: target(&entry["target"]),
-            pose,
-            facing: entry["front_facing"] == true,
-            centroids: list(&entry["markers"]).iter().filter_map(centroid).collect(),
-            name,
-        }
-    }
-
-    fn camera(value: &Value) -> Camera {
-        let size = ["width", "height"].map(|side| u32::try_from(value[side].as_u64().expect("px")).expect("small"));
-        let pair = |names: [&str; 2]| names.map(|name| number(&value[name]));
-        let k = |index: usize| number(&value["distortion"]["coefficients"][index]);
-        let lens = Distortion::PlumbBob(std::array::from_fn(k));
-        Camera::checked(size, pair(["fx", "fy"]), pair(["cx", "cy"]), lens).expect("a good camera")
-    }
-
-    fn target(value: &Value) -> Target {
-        let marker = |marker: &Value| Marker {
-            id: marker["id"].as_str().expect("an id").into(),
-            position: vector(&marker["position_m"]).into(),
-            radius_m: marker["radius_m"].as_f64(),
-            normal: marker.get("normal").map(vector),
-        };
-        Target::checked("known", list(&value["markers"]).iter().map(marker).collect()).expect("a good target")
-    }
-}
-
 #[test]
 fn frames_of_another_renderer_give_their_poses_too() {
-    if !data::folder().is_dir() {
-        println!("skipped: {} is not here", data::folder().display());
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/markers");
+    if !folder.is_dir() {
+        println!("skipped: {} is not here", folder.display());
         return;
     }
     let mut suites: BTreeMap<String, Tally> = BTreeMap::new();
-    for known in data::frames() {
+    for known in data::frames(&folder) {
         let tally = suites.entry(known.suite.clone()).or_default();
-        let estimate = look(&known.frame, &known.camera, &known.target);
+        let targets = std::slice::from_ref(&known.target);
+        let estimate = estimate(&known.frame, &known.camera, targets, &known.options(), |_| ()).expect("of its camera");
         let found = &estimate.targets[0];
         let Some(pose) = known.pose.filter(|_| known.facing) else {
             assert!(found.answer.is_err(), "{}: a pose of nothing", known.name);
@@ -672,8 +484,8 @@ fn frames_of_another_renderer_give_their_poses_too() {
     for suite in ["lab40", "easy", "light", "clutter", "occlusion"] {
         let tally = &suites[suite];
         assert_eq!((tally.frames, tally.right + tally.flagged), (6, 6), "{suite}: {tally:?}");
-        // 72 coordinates a suite: chance moves the mean square by 0.17; and the deviation is that of all suites, some of which
-        // are kinder than others.
-        assert!((0.25..1.6).contains(&tally.mean_square()), "{suite}: {:.2} of sigma^2", tally.mean_square());
+        // 72 coordinates a suite: chance moves the mean square by 0.17. Where nothing disturbs them, centroids are better than they
+        // say.
+        assert!((0.3..1.6).contains(&tally.mean_square()), "{suite}: {:.2} of sigma^2", tally.mean_square());
     }
 }

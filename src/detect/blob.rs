@@ -4,6 +4,7 @@
 //! cut at half its own height, and shape and size decide. So dim and bright markers of one frame are found alike.
 
 mod levels;
+mod tiles;
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -47,6 +48,8 @@ pub(super) fn detect(
     };
     let levels::Found { mut markers, mut refused } = levels::search(&picture, options);
     markers.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
+    // More than the list holds is texture or noise; to locate all of it exactly would be most of the cost.
+    let located_count = if markers.len() > options.max_centroids { MAX_LOCATED_IN_A_CROWD } else { markers.len() };
     refused.extend(markers.drain(options.max_centroids.min(markers.len())..).map(|(extra, _)| Refused {
         pixel: extra.pixel,
         area_px: extra.area_px,
@@ -57,14 +60,21 @@ pub(super) fn detect(
         refused.pixel = in_frame(region, refused.pixel.x, refused.pixel.y);
         refused.bounds = bounds_in_frame(region, refused.bounds);
     }
-    let located = |(centroid, moments): (Centroid, Matrix2<f64>)| {
+    let located = |(index, (centroid, moments)): (usize, (Centroid, Matrix2<f64>))| {
         let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
         let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
+        if index >= located_count {
+            return rough;
+        }
         let exact = locate(frame, &Seed { pixel, moments, sigma_px: centroid.sigma_px }, chroma);
         exact.map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
     };
-    Detection { centroids: markers.into_iter().map(located).collect(), refused }
+    Detection { centroids: markers.into_iter().enumerate().map(located).collect(), refused }
 }
+
+/// Where there are more blobs than the list holds, only so many, the best, are located exactly; the others stay as rough as their
+/// deviations say.
+const MAX_LOCATED_IN_A_CROWD: usize = 16;
 
 /// The scores of a region.
 struct Picture<'a> {
@@ -124,7 +134,7 @@ fn examine(picture: &Picture<'_>, runs: &[Run], options: &BlobOptions) -> Verdic
         return Verdict::LookHigher(Refusal::TooLarge);
     }
     let heights = heights(picture, runs, whole);
-    if heights.top - heights.ground < options.min_contrast.max(3.0 * heights.noise) {
+    if heights.top - heights.ground < options.min_contrast.max(MIN_SIGNAL * heights.noise) {
         return Verdict::LookHigher(Refusal::LowContrast);
     }
     // The part above half height. If there are several of weight, the component is several things.
@@ -145,6 +155,10 @@ fn examine(picture: &Picture<'_>, runs: &[Run], options: &BlobOptions) -> Verdic
         None => Verdict::Marker(shape.centroid(picture, &heights), shape.moments),
     }
 }
+
+/// Deviations of the ground's noise by which a blob must stand out: the highest that chance lifts one of a frame's 230,000 colour
+/// samples is `sqrt(2 ln 230,000)`.
+const MIN_SIGNAL: f64 = 5.0;
 
 /// The ground is the median of a frame of pixels around the bounds, the top the mean of the component's upper quarter.
 fn heights(picture: &Picture<'_>, runs: &[Run], whole: Region) -> Heights {

@@ -38,14 +38,27 @@ impl Components {
     /// `samples` are rows of `width`; runs are in its coordinates.
     #[must_use]
     pub fn of(samples: &[u8], width: usize, window: Region, threshold: u8, connectivity: Connectivity) -> Self {
+        Self::within(samples, width, &[window], threshold, connectivity)
+    }
+
+    /// The same of several windows, as if all between them were background: windows of the same rows stand side by side, from
+    /// left to right and with a gap between; those of other rows below.
+    #[must_use]
+    pub fn within(samples: &[u8], width: usize, windows: &[Region], threshold: u8, connectivity: Connectivity) -> Self {
         let mut runs = Vec::new();
         let mut parents: Vec<u32> = Vec::new();
         let reach = u32::from(connectivity == Connectivity::Eight);
-        let (mut above_start, mut above_end) = (0, 0);
-        for y in window.y..window.y + window.height {
+        let (mut above_start, mut above_end, mut above_y) = (0, 0, 0);
+        let bands = windows.chunk_by(|a, b| a.y == b.y);
+        for (band, y) in bands.flat_map(|band| (band[0].y..band[0].y + band[0].height).map(move |y| (band, y))) {
             let row_start = runs.len();
-            let offset = y as usize * width + window.x as usize;
-            push_runs(&samples[offset..offset + window.width as usize], threshold, window.x, y, &mut runs);
+            for window in band {
+                let offset = y as usize * width + window.x as usize;
+                push_runs(&samples[offset..offset + window.width as usize], threshold, window.x, y, &mut runs);
+            }
+            if above_y + 1 != y {
+                above_start = above_end;
+            }
             // Merge with the row above: both lists are sorted, so one walk suffices.
             let mut above = above_start;
             for index in row_start..runs.len() {
@@ -60,7 +73,7 @@ impl Components {
                     touching += 1;
                 }
             }
-            (above_start, above_end) = (row_start, runs.len());
+            (above_start, above_end, above_y) = (row_start, runs.len(), y);
         }
         Self::grouped(&runs, &mut parents)
     }
@@ -140,23 +153,26 @@ pub fn mean_position(runs: &[Run]) -> (f64, f64) {
     (sum_x / f64::max(count, 1.0), sum_y / f64::max(count, 1.0))
 }
 
-/// The runs of one row. Stretches of background are skipped sixteen samples at a time.
+/// The runs of one row. Stretches of background, and of foreground, are skipped sixteen samples at a time.
 fn push_runs(row: &[u8], threshold: u8, x: u32, y: u32, runs: &mut Vec<Run>) {
     let mut at = 0;
     while at < row.len() {
-        if let Some(chunk) = row[at..].first_chunk::<16>() {
-            // Without a branch inside, this compiles to one comparison of a whole register.
-            if chunk.iter().fold(0, |most, sample| most.max(*sample)) < threshold {
-                at += 16;
-                continue;
-            }
-        }
-        let Some(start) = row[at..].iter().position(|sample| *sample >= threshold) else { return };
-        let start = at + start;
-        let length = row[start..].iter().position(|sample| *sample < threshold).unwrap_or(row.len() - start);
-        runs.push(Run { y, start: x + as_u32(start), end: x + as_u32(start + length) });
-        at = start + length;
+        // Without a branch inside, each compiles to one comparison of a whole register.
+        let start =
+            at + skipped(&row[at..], |chunk| chunk.iter().fold(0, |most, sample| most.max(*sample)) < threshold);
+        let Some(start) = row[start..].iter().position(|sample| *sample >= threshold).map(|more| start + more) else {
+            return;
+        };
+        let end = start + skipped(&row[start..], |chunk| chunk.iter().fold(255, |least, s| least.min(*s)) >= threshold);
+        let end = row[end..].iter().position(|sample| *sample < threshold).map_or(row.len(), |more| end + more);
+        runs.push(Run { y, start: x + as_u32(start), end: x + as_u32(end) });
+        at = end;
     }
+}
+
+/// Samples at the beginning of `row` that lie in whole chunks of which `holds` is true.
+fn skipped(row: &[u8], holds: impl Fn(&[u8; 16]) -> bool) -> usize {
+    16 * row.as_chunks::<16>().0.iter().take_while(|chunk| holds(chunk)).count()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "columns and numbers of runs stay below the pixel limit")]
@@ -241,6 +257,28 @@ pub(crate) mod tests {
                 Components::of(&mask, width, window, 1, connectivity).iter().map(pixels).collect();
             prop_assert_eq!(fast, slow_components(&mask, width, connectivity));
         }
+    }
+
+    #[test]
+    fn several_windows_are_one_picture_with_background_between_them() {
+        let (width, height) = (60, 40);
+        let mut state = 3_u64;
+        let mut samples: Vec<u8> = (0..width * height)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                u8::from(state >> 62 == 0)
+            })
+            .collect();
+        let windows = [[2, 0, 20, 7], [23, 0, 30, 7], [0, 7, 9, 10], [30, 7, 30, 10], [10, 20, 40, 20]]
+            .map(|[x, y, width, height]| Region { x, y, width, height });
+        let within = Components::within(&samples, width, &windows, 1, Connectivity::Eight);
+        for (index, sample) in (0_u32..).zip(&mut samples) {
+            let (x, y) = (index % 60, index / 60);
+            let holds = |w: &Region| (w.x..w.x + w.width).contains(&x) && (w.y..w.y + w.height).contains(&y);
+            *sample *= u8::from(windows.iter().any(holds));
+        }
+        let whole = Region { x: 0, y: 0, width: 60, height: 40 };
+        assert_eq!(within, Components::of(&samples, width, whole, 1, Connectivity::Eight));
     }
 
     #[test]

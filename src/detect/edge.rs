@@ -17,17 +17,20 @@
 //!   the preset does not; `sigma_px` includes it.
 
 mod blobs;
+mod fused;
 mod persistence;
+mod sieve;
 
 use super::gray::{Gray, gray};
 use super::median::{Border, Window, median};
 use super::sobel::sobel;
 use super::thesis::outline_sigma_px;
-use super::{Centroid, Detection, MAX_REFUSED, Refusal, Refused, bounds_in_frame, in_frame};
+use super::{Centroid, Detection, bounds_in_frame, in_frame};
 use crate::frame::{Frame, Region};
 
 pub use blobs::{Blob, blobs};
 pub use persistence::{Persistence, PersistenceOptions};
+use sieve::Sieve;
 
 /// What counts as an edge, and as something.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,41 +82,25 @@ const FLOOR_SIGMA_PX: f64 = 0.3;
 /// What is in `region`, the largest first. Edges do not tell what they belong to, so every score is 1.
 #[must_use]
 pub fn detect(frame: &Frame, region: Region, options: &EdgeOptions) -> Detection {
-    let plane = gray(frame, region, options.gray);
-    let plane = median(&plane, options.window, options.border);
-    let edges = sobel(&plane, options.threshold_ratio);
-    sifted(blobs(&edges), region, options)
+    let edges = if options.window == Window::SMALL {
+        fused::edges(frame, region, options)
+    } else {
+        let plane = gray(frame, region, options.gray);
+        sobel(&median(&plane, options.window, options.border), options.threshold_ratio)
+    };
+    let mut sieve = Sieve::of(options);
+    blobs::each(&edges, |blob| sieve.take(blob));
+    sieve.detection(region)
 }
 
 /// The outlier filter: what is large enough, and what was refused.
 #[must_use]
-pub fn sifted(mut blobs: Vec<Blob>, region: Region, options: &EdgeOptions) -> Detection {
-    let large_first = |blob: &Blob| (std::cmp::Reverse(blob.area_eighths), blob.bounds.y, blob.bounds.x);
-    // A frame of noise has thousands of specks; only the largest are reported, so only they are sorted.
-    let (mut large, mut small): (Vec<Blob>, Vec<Blob>) =
-        blobs.drain(..).partition(|blob| blob.area_px() > options.min_area_px);
-    if small.len() > MAX_REFUSED {
-        small.select_nth_unstable_by_key(MAX_REFUSED, large_first);
-        small.truncate(MAX_REFUSED);
+pub fn sifted(blobs: Vec<Blob>, region: Region, options: &EdgeOptions) -> Detection {
+    let mut sieve = Sieve::of(options);
+    for blob in blobs {
+        sieve.take(blob);
     }
-    small.sort_by_key(large_first);
-    large.sort_by_key(large_first);
-    let crowded = large.split_off(options.max_centroids.min(large.len()));
-    let refused = |blob: &Blob, reason| {
-        let bounds = bounds_in_frame(region, blob.bounds);
-        let middle = |start: u32, side: u32| f64::from(start) + 0.5 * f64::from(side - 1);
-        Refused {
-            pixel: nalgebra::Vector2::new(middle(bounds.x, bounds.width), middle(bounds.y, bounds.height)),
-            area_px: blob.area_px(),
-            bounds,
-            reason,
-        }
-    };
-    let crowded = crowded.iter().map(|blob| refused(blob, Refusal::Crowded));
-    Detection {
-        refused: crowded.chain(small.iter().map(|blob| refused(blob, Refusal::TooSmall))).collect(),
-        centroids: large.iter().map(|blob| centroid(blob, region, options.window)).collect(),
-    }
+    sieve.detection(region)
 }
 
 fn centroid(blob: &Blob, region: Region, window: Window) -> Centroid {
@@ -136,6 +123,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
+    use crate::detect::Refusal;
     use crate::frame::{Coding, Pixels};
     use crate::random;
 

@@ -1,5 +1,6 @@
 //! Colour to gray, the three ways of the seed's section 3.1.1, rounded to the nearest of 256 levels (halves up).
 
+use crate::frame::color::ycbcr_to_rgb;
 use crate::frame::{Frame, Pixels, Region};
 
 /// A picture of one sample a pixel, rows from the top without padding.
@@ -58,27 +59,22 @@ impl Gray {
 /// The gray of the region's pixels.
 #[must_use]
 pub fn gray(frame: &Frame, region: Region, how: Gray) -> Plane {
-    let (width, height) = (region.width as usize, region.height as usize);
-    let mut plane = Plane::black(width, height);
-    let channels = if matches!(frame.pixels(), Pixels::Luma(_)) { 1 } else { 3 };
-    let converted;
-    let samples: &[u8] = match frame.pixels() {
-        Pixels::Luma(samples) | Pixels::Rgb(samples) => samples,
-        Pixels::YCbCr(_) => {
-            converted = frame.rgb();
-            &converted
-        }
-    };
-    for (y, out) in (region.y as usize..).zip(plane.samples.chunks_exact_mut(width)) {
-        let start = (y * frame.width() as usize + region.x as usize) * channels;
-        let row = &samples[start..start + width * channels];
-        if channels == 1 {
-            gray_of_luma(row, how, out);
-        } else {
-            gray_row(row, how, out);
-        }
+    let mut plane = Plane::black(region.width as usize, region.height as usize);
+    for (y, out) in (region.y..).zip(plane.samples.chunks_exact_mut(region.width as usize)) {
+        write_row(frame, region, y, how, out);
     }
     plane
+}
+
+/// The gray of the region's pixels in row `y` of the frame.
+pub(super) fn write_row(frame: &Frame, region: Region, y: u32, how: Gray, out: &mut [u8]) {
+    let start = y as usize * frame.width() as usize + region.x as usize;
+    let end = start + region.width as usize;
+    match frame.pixels() {
+        Pixels::Luma(samples) => gray_of_luma(&samples[start..end], how, out),
+        Pixels::Rgb(samples) => gray_row(&samples[3 * start..3 * end], how, out),
+        Pixels::YCbCr(samples) => gray_row(&ycbcr_to_rgb(&samples[3 * start..3 * end]), how, out),
+    }
 }
 
 /// A row of colour: each way has its own loop, so that each is without a branch inside.

@@ -1,11 +1,12 @@
 //! Median filter with a window of any size, as Matlab's `medfilt2` defines it.
 //!
-//! Small windows go through a network of minima and maxima over whole stretches of a row (`network`), large ones through
-//! histograms (`histogram`); the two agree bit for bit, and the cost of both depends on the window and the number of pixels
+//! Small windows go through a network of minima and maxima over whole stretches of a row (`network`, and `three` for the smallest),
+//! large ones through histograms (`histogram`); all agree bit for bit, and the cost of both depends on the window and the number of pixels
 //! alone, not on what the picture shows.
 
 mod histogram;
 mod network;
+pub(super) mod three;
 
 use super::gray::Plane;
 
@@ -74,6 +75,9 @@ pub fn median(plane: &Plane, window: Window, border: Border) -> Plane {
         return plane.clone();
     }
     let padded = Padded { plane, window, border };
+    if window == Window::SMALL {
+        return three::median(&padded);
+    }
     if network::suits(window) { network::median(&padded) } else { histogram::median(&padded) }
 }
 
@@ -162,6 +166,7 @@ mod tests {
             let border = if black { Border::Black } else { Border::Nearest };
             let slow = slow_median(&plane, window, border);
             prop_assert_eq!(&median(&plane, window, border), &slow);
+            prop_assert_eq!(median(&plane, Window::SMALL, border), slow_median(&plane, Window::SMALL, border));
             let padded = Padded { plane: &plane, window, border };
             prop_assert_eq!(&network::median(&padded), &slow, "network");
             prop_assert_eq!(&histogram::median(&padded), &slow, "histogram");

@@ -33,23 +33,42 @@ pub fn sobel(plane: &Plane, threshold_ratio: f64) -> Bits {
     if bits.words.is_empty() {
         return bits;
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to what a u16 holds")]
-    let threshold = (255.0 * threshold_ratio).powi(2).floor().clamp(0.0, 65_535.0) as u16;
-    if threshold_ratio >= 1.0 {
-        return bits;
-    }
-    let mut sums = Sums { across: vec![0; width + 2], down: vec![0; width + 2] };
-    let mut mask = vec![0; width.next_multiple_of(64)];
+    let mut rows = Rows::of_width(width, threshold_ratio);
     let row = |y: usize| &plane.samples[y * width..(y + 1) * width];
     let stride = bits.stride();
     for (y, words) in bits.words.chunks_exact_mut(stride).enumerate() {
-        sums.fill(row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1)));
-        compare(&sums.across, &sums.down, threshold, &mut mask[..width]);
-        for (word, pixels) in words.iter_mut().zip(mask.as_chunks::<64>().0) {
-            *word = packed(pixels);
-        }
+        rows.write([row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1))], words);
     }
     bits
+}
+
+/// Row by row.
+pub(super) struct Rows {
+    sums: Sums,
+    mask: Vec<u8>,
+    /// What the squared magnitude must exceed; `None` where nothing can.
+    threshold: Option<u16>,
+}
+
+impl Rows {
+    /// For pictures of `width` columns.
+    pub(super) fn of_width(width: usize, threshold_ratio: f64) -> Self {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to what a u16 holds")]
+        let threshold = (255.0 * threshold_ratio).powi(2).floor().clamp(0.0, 65_535.0) as u16;
+        Self {
+            sums: Sums { across: vec![0; width + 2], down: vec![0; width + 2] },
+            mask: vec![0; width.next_multiple_of(64)],
+            threshold: (threshold_ratio < 1.0).then_some(threshold),
+        }
+    }
+
+    /// The edges of the middle of three rows. The words are zero before.
+    pub(super) fn write(&mut self, [above, here, below]: [&[u8]; 3], words: &mut [u64]) {
+        let Some(threshold) = self.threshold else { return };
+        self.sums.fill(above, here, below);
+        compare(&self.sums.across, &self.sums.down, threshold, &mut self.mask[..here.len()]);
+        pack(&self.mask, words);
+    }
 }
 
 /// What three rows have in each column, with a column more on each side: the sum smoothed down the column, whose differences are
@@ -93,13 +112,19 @@ fn compare(across: &[i16], down: &[i16], threshold: u16, mask: &mut [u8]) {
     }
 }
 
-/// 64 pixels of 0 or 1 in one word. A product puts eight of them side by side in its highest byte.
-fn packed(pixels: &[u8; 64]) -> u64 {
-    let eights = pixels.as_chunks::<8>().0.iter().enumerate();
-    eights.fold(0, |word, (index, eight)| {
-        let side_by_side = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-        word | side_by_side << (8 * index)
-    })
+/// 64 pixels of 0 or 1 in each word. Most hold none, which one look tells; otherwise a product puts eight of them side by side in
+/// its highest byte.
+fn pack(mask: &[u8], words: &mut [u64]) {
+    for (word, pixels) in words.iter_mut().zip(mask.as_chunks::<64>().0) {
+        if pixels.iter().fold(0, |any, pixel| any | pixel) == 0 {
+            continue;
+        }
+        let eights = pixels.as_chunks::<8>().0.iter().enumerate();
+        *word = eights.fold(0, |word, (index, eight)| {
+            let side_by_side = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+            word | side_by_side << (8 * index)
+        });
+    }
 }
 
 #[cfg(test)]

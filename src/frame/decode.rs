@@ -43,6 +43,8 @@ pub enum Wanted {
     Native,
     /// RGB (or luma, where there is no colour).
     Rgb,
+    /// Luma is enough. A JPEG is decoded without its colours, which saves a third of the time; other files as they are.
+    Luma,
 }
 
 /// How encoded bytes become a frame.
@@ -362,6 +364,17 @@ mod tests {
         let refused = decode(b"hello, I am a text").expect_err("text");
         assert!(refused.to_string().starts_with("not a picture: the first bytes are [68, 65, 6c, 6c, 6f"));
         assert!(matches!(decode(b"GIF89a\x01\0\x01\0\0\0\0"), Err(FrameError::UnknownFormat { .. })));
+    }
+
+    #[test]
+    fn luma_alone_is_the_luma_of_all() {
+        let samples = (0..64_u32 * 40 * 3).map(|i| (i * 7 % 251).to_le_bytes()[0]).collect();
+        let frame = Frame::checked(64, 40, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a frame");
+        let bytes = crate::scene::encode::jpeg(&frame, 90).expect("fits");
+        let all = Frame::decode(&bytes, &Decoding::default()).expect("decodes");
+        let luma = Frame::decode(&bytes, &Decoding { wanted: Wanted::Luma, ..Decoding::default() }).expect("decodes");
+        let (Pixels::YCbCr(all), Pixels::Luma(luma)) = (all.pixels(), luma.pixels()) else { panic!("other pixels") };
+        assert!(all.chunks_exact(3).map(|pixel| pixel[0]).eq(luma.iter().copied()));
     }
 
     #[test]

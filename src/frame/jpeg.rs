@@ -27,7 +27,7 @@ pub(super) fn decode(bytes: &[u8], wanted: Wanted, limits: Limits) -> Result<Fra
         return Err(FrameError::Truncated { format: "JPEG" });
     }
     let color = match (header.components, wanted) {
-        (1, _) => ColorSpace::Luma,
+        (1, _) | (3, Wanted::Luma) => ColorSpace::Luma,
         (3, Wanted::Native) => ColorSpace::YCbCr,
         _ => ColorSpace::RGB,
     };

@@ -1,7 +1,7 @@
 //! Connected edges with their statistics, in one pass over words of 64 pixels.
 //!
-//! Only the runs of two rows are kept at a time; what is asked of a component is summed while its runs pass, under labels that
-//! are joined where runs meet (union-find). The cost is a look at each word and a step for each run.
+//! Only the runs of two rows are kept at a time, and only the components that they belong to; what is asked of a component is
+//! summed while its runs pass, under labels that are joined where runs meet (union-find). The cost is a look at each word and a step for each run.
 
 use super::super::sobel::Bits;
 use crate::frame::Region;
@@ -22,6 +22,12 @@ pub struct Blob {
 }
 
 impl Blob {
+    /// Some pixels within bounds, for tests of what is done with blobs.
+    #[cfg(test)]
+    pub(super) const fn square(bounds: Region, pixels: u64) -> Self {
+        Self { pixels, area_eighths: 8 * pixels, bounds, doubled_columns: 0, rows_total: 0 }
+    }
+
     /// Its area as Matlab's `bwarea` has it.
     #[must_use]
     pub const fn area_px(&self) -> f64 {
@@ -56,14 +62,27 @@ struct Labelled {
     label: u32,
 }
 
-/// The components, in reading order of their first pixel.
+/// The components, in the order of their last row.
 #[must_use]
 pub fn blobs(bits: &Bits) -> Vec<Blob> {
-    let mut sums: Vec<Sum> = Vec::new();
+    let mut found = Vec::new();
+    each(bits, |blob| found.push(blob));
+    found
+}
+
+/// Hands out every component as soon as it has ended, so that only those are kept that a row meets: a frame of noise has a
+/// hundred thousand, of which a few hundred are open at a time.
+pub(super) fn each(bits: &Bits, mut ended: impl FnMut(Blob)) {
+    // A label is a place in `open`; `kept` takes those that go on, and `places` says where.
+    let (mut open, mut kept): (Vec<Sum>, Vec<Sum>) = (Vec::new(), Vec::new());
+    let mut places: Vec<u32> = Vec::new();
     let (mut above, mut here): (Vec<Labelled>, Vec<Labelled>) = (Vec::new(), Vec::new());
     for (y, words) in (0..).zip(bits.words.chunks_exact(bits.stride().max(1))) {
         here.clear();
         push_runs(words, bits.width, &mut here);
+        if here.is_empty() && open.is_empty() {
+            continue;
+        }
         let mut next = 0;
         for run in &mut here {
             while next < above.len() && above[next].end < run.start {
@@ -72,17 +91,48 @@ pub fn blobs(bits: &Bits) -> Vec<Blob> {
             let mut corners = 0;
             for upper in above[next..].iter().take_while(|upper| upper.start <= run.end) {
                 corners += corner_eighths(*upper, *run);
-                run.label = if run.label == u32::MAX {
-                    root(&mut sums, upper.label)
-                } else {
-                    join(&mut sums, run.label, upper.label)
-                };
+                if run.label == u32::MAX {
+                    run.label = upper.label;
+                } else if run.label != upper.label {
+                    run.label = join(&mut open, run.label, upper.label);
+                }
             }
-            add(&mut sums, run, y, corners);
+            add(&mut open, run, y, corners);
         }
+        // Parents come before their children, so a walk from the back hands every sum up to its root.
+        for label in (0..open.len()).rev() {
+            let sum = open[label];
+            if sum.parent as usize != label {
+                open[sum.parent as usize].take(&sum);
+            }
+        }
+        places.clear();
+        places.resize(open.len(), u32::MAX);
+        kept.clear();
+        for run in &mut here {
+            let root = root(&mut open, run.label) as usize;
+            if places[root] == u32::MAX {
+                places[root] = as_u32(kept.len());
+                kept.push(Sum { parent: places[root], ..open[root] });
+            }
+            run.label = places[root];
+        }
+        for (label, sum) in open.iter().enumerate() {
+            if sum.parent as usize == label && places[label] == u32::MAX {
+                ended(sum.blob());
+            }
+        }
+        std::mem::swap(&mut open, &mut kept);
         std::mem::swap(&mut above, &mut here);
     }
-    gathered(&mut sums)
+    for sum in &open {
+        ended(sum.blob());
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "fewer labels than pixels")]
+const fn as_u32(index: usize) -> u32 {
+    index as u32
 }
 
 /// The runs of a row: a bit that differs from the one before it begins or ends one.
@@ -133,26 +183,35 @@ fn add(sums: &mut Vec<Sum>, run: &mut Labelled, y: u32, corners: u64) {
         rows_total: pixels * u64::from(y),
     };
     if run.label == u32::MAX {
-        #[expect(clippy::cast_possible_truncation, reason = "fewer labels than pixels")]
-        let label = sums.len() as u32;
-        run.label = label;
-        sums.push(Sum { parent: label, ..sum });
+        run.label = as_u32(sums.len());
+        sums.push(Sum { parent: run.label, ..sum });
     } else {
-        let known = &mut sums[run.label as usize];
-        *known = known.with(&sum);
+        sums[run.label as usize].take(&sum);
     }
 }
 
 impl Sum {
-    fn with(&self, other: &Self) -> Self {
-        Self {
-            parent: self.parent,
-            first: [self.first[0].min(other.first[0]), self.first[1].min(other.first[1])],
-            last: [self.last[0].max(other.last[0]), self.last[1].max(other.last[1])],
-            pixels: self.pixels + other.pixels,
-            corners: self.corners + other.corners,
-            doubled_columns: self.doubled_columns + other.doubled_columns,
-            rows_total: self.rows_total + other.rows_total,
+    fn take(&mut self, other: &Self) {
+        self.first = [self.first[0].min(other.first[0]), self.first[1].min(other.first[1])];
+        self.last = [self.last[0].max(other.last[0]), self.last[1].max(other.last[1])];
+        self.pixels += other.pixels;
+        self.corners += other.corners;
+        self.doubled_columns += other.doubled_columns;
+        self.rows_total += other.rows_total;
+    }
+
+    const fn blob(&self) -> Blob {
+        Blob {
+            pixels: self.pixels,
+            area_eighths: 8 * self.pixels + self.corners,
+            bounds: Region {
+                x: self.first[0],
+                y: self.first[1],
+                width: self.last[0] + 1 - self.first[0],
+                height: self.last[1] + 1 - self.first[1],
+            },
+            doubled_columns: self.doubled_columns,
+            rows_total: self.rows_total,
         }
     }
 }
@@ -167,36 +226,11 @@ fn root(sums: &mut [Sum], mut label: u32) -> u32 {
     label
 }
 
-/// The earlier label becomes the root, so roots stand in reading order.
+/// The earlier label becomes the root.
 fn join(sums: &mut [Sum], a: u32, b: u32) -> u32 {
     let (a, b) = (root(sums, a), root(sums, b));
     sums[a.max(b) as usize].parent = a.min(b);
     a.min(b)
-}
-
-fn gathered(sums: &mut [Sum]) -> Vec<Blob> {
-    // Parents come before their children, so a walk from the back hands every sum up to its root.
-    for label in (0..sums.len()).rev() {
-        let sum = sums[label];
-        if sum.parent as usize != label {
-            sums[sum.parent as usize] = sums[sum.parent as usize].with(&sum);
-        }
-    }
-    let roots = (0_u32..).zip(sums.iter()).filter(|(label, sum)| sum.parent == *label);
-    roots
-        .map(|(_, sum)| Blob {
-            pixels: sum.pixels,
-            area_eighths: 8 * sum.pixels + sum.corners,
-            bounds: Region {
-                x: sum.first[0],
-                y: sum.first[1],
-                width: sum.last[0] + 1 - sum.first[0],
-                height: sum.last[1] + 1 - sum.first[1],
-            },
-            doubled_columns: sum.doubled_columns,
-            rows_total: sum.rows_total,
-        })
-        .collect()
 }
 
 #[cfg(test)]
@@ -243,24 +277,29 @@ mod tests {
             for index in (0..mask.len()).filter(|index| mask[*index] != 0) {
                 bits.words[index / width * width.div_ceil(64) + index % width / 64] |= 1 << (index % width % 64);
             }
-            let found = blobs(&bits);
-            let pieces = slow_components(&mask, width, Connectivity::Eight);
-            prop_assert_eq!(found.len(), pieces.len());
-            for (blob, piece) in found.iter().zip(&pieces) {
-                prop_assert_eq!(blob.pixels, piece.len() as u64);
-                prop_assert_eq!(blob.area_eighths, slow_area_eighths(piece));
-                let (x, y) = blob.mean_position();
-                let mean = |sum: usize| sum as f64 / piece.len() as f64;
-                prop_assert!((x - mean(piece.iter().map(|p| p.0).sum())).abs() < 1e-9);
-                prop_assert!((y - mean(piece.iter().map(|p| p.1).sum())).abs() < 1e-9);
-                let ends = |of: fn(&(usize, usize)) -> usize| {
-                    let least = piece.iter().map(of).min().expect("some");
-                    (least, piece.iter().map(of).max().expect("some") + 1 - least)
-                };
-                let ((x, across), (y, down)) = (ends(|p| p.0), ends(|p| p.1));
-                let bounds = [blob.bounds.x, blob.bounds.y, blob.bounds.width, blob.bounds.height];
-                prop_assert_eq!(bounds.map(|side| side as usize), [x, y, across, down]);
+            let mut found = blobs(&bits);
+            let total = |of: fn(&(usize, usize)) -> usize, piece: &[(usize, usize)]| piece.iter().map(of).sum::<usize>() as u64;
+            let ends = |of: fn(&(usize, usize)) -> usize, piece: &[(usize, usize)]| {
+                let [least, most] = [piece.iter().map(of).min(), piece.iter().map(of).max()].map(|end| end.expect("some"));
+                [least, most + 1 - least].map(|side| u32::try_from(side).expect("small"))
+            };
+            let mut pieces: Vec<Blob> = slow_components(&mask, width, Connectivity::Eight)
+                .iter()
+                .map(|piece| {
+                    let ([x, width], [y, height]) = (ends(|p| p.0, piece), ends(|p| p.1, piece));
+                    Blob {
+                        pixels: piece.len() as u64,
+                        area_eighths: slow_area_eighths(piece),
+                        bounds: Region { x, y, width, height },
+                        doubled_columns: 2 * total(|p| p.0, piece),
+                        rows_total: total(|p| p.1, piece),
+                    }
+                })
+                .collect();
+            for list in [&mut found, &mut pieces] {
+                list.sort_by_key(|blob| (blob.bounds.y, blob.bounds.x, blob.pixels, blob.doubled_columns, blob.rows_total));
             }
+            prop_assert_eq!(found, pieces);
         }
     }
 }

@@ -139,7 +139,7 @@ pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
 
 fn median(mut values: [f64; SECTORS]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
-    0.5 * (values[SECTORS / 2 - 1] + values[SECTORS / 2])
+    f64::midpoint(values[SECTORS / 2 - 1], values[SECTORS / 2])
 }
 
 /// Weight of Beaton and Tukey.

@@ -29,17 +29,14 @@ pub(super) const fn suits(window: Window) -> bool {
 /// Rows that are done at once. Four share more, but what they do not share outweighs it.
 const TOGETHER: usize = 2;
 
-/// The seed's window and the smallest are planned once; any other with each picture, which takes less than it does.
-static KNOWN: [(Window, LazyLock<Plan>); 2] = [
-    (Window::THESIS, LazyLock::new(|| Plan::of(Window::THESIS))),
-    (Window::SMALL, LazyLock::new(|| Plan::of(Window::SMALL))),
-];
+/// The seed's window is planned once; any other with each picture, which takes less than it does.
+static THESIS: LazyLock<Plan> = LazyLock::new(|| Plan::of(Window::THESIS));
 
 pub(super) fn median(padded: &Padded<'_>) -> Plane {
     let (width, height, window) = (padded.plane.width, padded.plane.height, padded.window);
     let planned;
-    let plan = if let Some((_, plan)) = KNOWN.iter().find(|(known, _)| *known == window) {
-        plan
+    let plan = if window == Window::THESIS {
+        &*THESIS
     } else {
         planned = Plan::of(window);
         &planned

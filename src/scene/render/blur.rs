@@ -1,6 +1,6 @@
 //! What a real lens and a moving camera do to the picture: both keep the centre of everything where it was.
 
-use super::light::Light;
+use super::light::{Light, mixed};
 use super::optics::Optics;
 use super::radiance::Radiance;
 
@@ -14,7 +14,18 @@ const MAX_MOTION_PX: f64 = 200.0;
 #[must_use]
 pub fn through_lens(scene: Radiance, optics: &Optics) -> Radiance {
     let moved = smeared(scene, optics.motion_px);
-    blurred(moved, optics.blur_sigma_px)
+    let share = optics.glare_ratio.clamp(0.0, 1.0);
+    if share.is_nan() || share <= 0.0 {
+        return blurred(moved, optics.blur_sigma_px);
+    }
+    let halo = blurred(moved.clone(), optics.glare_sigma_px.hypot(optics.blur_sigma_px));
+    let mut sharp = blurred(moved, optics.blur_sigma_px);
+    #[expect(clippy::cast_possible_truncation, reason = "light has three digits")]
+    let share = share as f32;
+    for (pixel, halo) in sharp.light.iter_mut().zip(halo.light) {
+        *pixel = mixed(*pixel, halo, share);
+    }
+    sharp
 }
 
 /// The mean of the picture on its way from half of `motion_px` before to half of it after.
@@ -163,6 +174,17 @@ mod tests {
     }
 
     #[test]
+    fn glare_is_a_halo_of_the_share_and_the_width_that_it_is_said_to_have() {
+        let optics = Optics { glare_ratio: 0.25, glare_sigma_px: 4.0, ..Optics::ideal() };
+        let hazy = through_lens(spark(), &optics);
+        let (total, centre, variance) = moments(&hazy);
+        assert!((total - 1.0).abs() < 1e-5 && (centre[0] - 30.0).abs() < 1e-4);
+        assert!((hazy.light[25 * 61 + 30][0] - 0.75).abs() < 0.01, "three quarters stay");
+        // A quarter of sixteen, less the tails beyond three deviations.
+        assert!((variance[0] - 4.0).abs() < 0.2, "{variance:?}");
+    }
+
+    #[test]
     fn an_even_picture_stays_even_to_its_border() {
         let even = Radiance { width: 9, height: 5, light: vec![[0.4; 3]; 45] };
         let optics = Optics { motion_px: [7.0, -3.0], blur_sigma_px: 2.0, ..Optics::ideal() };
@@ -174,7 +196,8 @@ mod tests {
     #[test]
     fn senseless_amounts_do_no_harm() {
         for amount in [f64::NAN, -1.0, 1e300] {
-            let optics = Optics { motion_px: [amount, 0.0], blur_sigma_px: amount, ..Optics::ideal() };
+            let optics =
+                Optics { motion_px: [amount, 0.0], blur_sigma_px: amount, glare_ratio: amount, ..Optics::ideal() };
             assert!(through_lens(spark(), &optics).light.iter().flatten().all(|l| l.is_finite()));
         }
     }

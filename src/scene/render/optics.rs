@@ -10,6 +10,11 @@ pub struct Optics {
     pub supersampling: u32,
     /// Standard deviation of the lens' blur, px. A sharp lens with its sensor's filter has about 0.6.
     pub blur_sigma_px: f64,
+    /// Share of the light that lens and sensor scatter into a wide halo: dirt, reflections, electrons that spill over. It shows about
+    /// what outshines the sensor, as an LED at night. A clean lens has 0.01 or less.
+    pub glare_ratio: f64,
+    /// Standard deviation of that halo, px.
+    pub glare_sigma_px: f64,
     /// How far the picture moves during the exposure, `[right, down]` px; the frame shows the middle of the way.
     pub motion_px: [f64; 2],
     /// The scene's light is multiplied by this before it falls on the sensor.
@@ -33,6 +38,8 @@ impl Optics {
         Self {
             supersampling: 8,
             blur_sigma_px: 0.0,
+            glare_ratio: 0.0,
+            glare_sigma_px: 6.0,
             motion_px: [0.0; 2],
             exposure_ratio: 1.0,
             shot_noise_ratio: 0.0,

@@ -211,6 +211,8 @@ fn senseless_poses_and_optics_make_a_frame_all_the_same() {
     let optics = Optics {
         supersampling: 0,
         blur_sigma_px: f64::NAN,
+        glare_ratio: 0.5,
+        glare_sigma_px: f64::INFINITY,
         motion_px: [f64::INFINITY, 0.0],
         exposure_ratio: f64::NAN,
         shot_noise_ratio: f64::INFINITY,

@@ -9,7 +9,7 @@ use super::Terms;
 use crate::camera::Camera;
 use crate::detect::color::learned;
 use crate::detect::{Detection, Detector, HueRange, Stamp, Watch, detect};
-use crate::frame::{Decoding, Frame, RawFormat, Region};
+use crate::frame::{Decoding, Frame, RawFormat, Region, Wanted};
 use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::lookup::Lookup;
@@ -149,7 +149,8 @@ impl FrameTask {
             Frame::from_raw(format, width, height, bytes, terms.limits)
         } else {
             let decoding = Decoding {
-                wanted: self.detector.wanted(),
+                // A hue is learned from colours, even for a method that needs none yet.
+                wanted: if self.sample.is_some() { Wanted::Native } else { self.detector.wanted() },
                 apply_orientation: self.apply_orientation,
                 limits: terms.limits,
             };
