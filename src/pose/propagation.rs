@@ -160,7 +160,7 @@ mod tests {
         let exact = Camera::checked([640, 480], [608.0; 2], [320.0, 240.0], Distortion::None).expect("a camera");
         let mut rows = vec![vec![0.0; 4]; 4];
         (rows[0][0], rows[1][1], rows[0][1], rows[1][0]) = (36.0, 36.0, 35.0, 35.0);
-        let uncertain = exact.clone().with_parameter_covariance(&rows).expect("a covariance");
+        let uncertain = exact.with_parameter_covariance(&rows).expect("a covariance");
         let seen = seen(&exact, 1.0);
         for solver in [Solver::Ippe, Solver::Epnp, Solver::Homography] {
             let options = alone(solver, pose::Noise::Stated);

@@ -99,7 +99,7 @@ impl Offsets {
             let mut sorted = sizes;
             sorted.sort_unstable_by(f64::total_cmp);
             // Five of the sectors are used up: the median of what is left.
-            trust.scatter = (1.4826 * sorted[(SECTORS + FORM) / 2]).max(1.0);
+            trust.scatter = (1.4826 * sorted[usize::midpoint(SECTORS, FORM)]).max(1.0);
             // Without chroma nearly least absolute values come first, which a fifth of bad sectors cannot bend.
             let absolute = by_chroma.is_none() && round < ROUNDS / 2;
             trust.of = sizes.map(|size| {
