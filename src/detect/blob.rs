@@ -48,8 +48,9 @@ pub(super) fn detect(
     };
     let levels::Found { mut markers, mut refused } = levels::search(&picture, options);
     markers.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
-    // More than the list holds is texture or noise; to locate all of it exactly would be most of the cost.
-    let located_count = if markers.len() > options.max_centroids { MAX_LOCATED_IN_A_CROWD } else { markers.len() };
+    // A crowd is texture or noise; to locate all of it exactly would be most of the cost.
+    let is_crowd = markers.len() > options.max_centroids.min(CROWD);
+    let located_count = if is_crowd { MAX_LOCATED_IN_A_CROWD } else { markers.len() };
     refused.extend(markers.drain(options.max_centroids.min(markers.len())..).map(|(extra, _)| Refused {
         pixel: extra.pixel,
         area_px: extra.area_px,
@@ -72,7 +73,10 @@ pub(super) fn detect(
     Detection { centroids: markers.into_iter().enumerate().map(located).collect(), refused }
 }
 
-/// Where there are more blobs than the list holds, only so many, the best, are located exactly; the others stay as rough as their
+/// More blobs than this are a crowd, even where the list would hold them.
+const CROWD: usize = 64;
+
+/// Where there are more blobs than the list holds, or a crowd, only so many, the best, are located exactly; the others stay as rough as their
 /// deviations say.
 const MAX_LOCATED_IN_A_CROWD: usize = 16;
 

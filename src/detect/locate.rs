@@ -56,8 +56,8 @@ mod tests {
     const GRAY: [f64; 3] = [150.0, 154.0, 158.0];
     const RED: [f64; 3] = [190.0, 40.0, 35.0];
 
-    /// A tilted disc through a lens, sampled by 6 x 6 rays a pixel, with noise of 1.5 levels; `paint` may put something over
-    /// the ground, `over` something over the disc.
+    /// A tilted disc through a lens, sampled by 4 x 4 rays a pixel, with noise of 1.5 levels, on `ground`; `over` is where something
+    /// hides it.
     struct Scene<'a> {
         centre: Vector2<f64>,
         axes: Vector2<f64>,
