@@ -48,7 +48,8 @@ pub struct SkyOptions {
 }
 
 impl Default for SkyOptions {
-    /// A caller who wants few false alarms sets a higher score; at one in fifty about one in a frame is left.
+    /// A caller who wants few false alarms sets a higher score; at one in fifty two or three a frame are left, at one in two one in
+    /// sixteen frames.
     fn default() -> Self {
         Self { min_score: 0.02, min_area_px: 1.0, max_centroids: 64 }
     }

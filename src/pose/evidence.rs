@@ -28,7 +28,7 @@ const NEGLIGIBLE: f64 = 1e-4;
 
 /// The covariance holds as such while chi-square keeps within this share of its paraboloid at two standard deviations of tilt,
 /// where 86 % of a normal variable in two dimensions lie. Up to here 94 to 95 % of errors lie inside the 95 % ellipsoid of the
-/// minimum's curvature alone, beyond it as few as 80 % (see the accuracy tests); with the moments of the bent valley 93 to
+/// minimum's curvature alone, beyond it as few as 80 % (see docs/accuracy.md); with the moments of the bent valley 93 to
 /// 94 % do, but the error is no longer normal.
 const MAX_NONLINEARITY: f64 = 0.2;
 

@@ -23,8 +23,8 @@ pub struct DetectorWire {
     /// for `beacon`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<String>,
-    /// `color`, `beacon`: the markers' hues instead of a named colour: from, to in degrees of the HSV circle (0 red, 120 green, 240 blue), at
-    /// most 120 apart; across 0 as in [340, 20].
+    /// `color`, `beacon`: the markers' hues instead of a named colour: from, to in degrees of the HSV circle (0 red, 120 green,
+    /// 240 blue), at most 120 apart; across 0 as in [340, 20].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hue_range_deg: Option<[f64; 2]>,
     /// `color`, `beacon`: the markers' hue is that of this place in the frame: x, y, width, height of some pixels on a marker, as a
@@ -44,8 +44,8 @@ pub struct DetectorWire {
     /// `color`, `beacon`: largest ratio of length to width.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_elongation: Option<f64>,
-    /// `color`, `beacon`: smallest ratio of the area to that of the ellipse of the same moments: 1 for a disc however tilted, 0.83 for a
-    /// triangle.
+    /// `color`, `beacon`: smallest ratio of the area to that of the ellipse of the same moments: 1 for a disc however tilted,
+    /// 0.83 for a triangle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_fill: Option<f64>,
     /// Most centroids returned.
