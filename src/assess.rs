@@ -187,7 +187,7 @@ fn reach(ranges_m: &[f64], figures: &[Figures], areas_px: &[Option<f64>]) -> Rea
         furthest(&ranges_m.iter().zip(figures).filter_map(|(range, f)| Some((*range, margin(f)?))).collect::<Vec<_>>())
     };
     // An area falls with the square of the range, so its logarithm evenly.
-    let needed_px = ColorOptions::default().min_area_px;
+    let needed_px = ColorOptions::default().blobs.min_area_px;
     let area_margin = |(range, area): (&f64, &Option<f64>)| Some((*range, ((*area)? / needed_px).ln()));
     Reach {
         detected_m: furthest(&ranges_m.iter().zip(areas_px).filter_map(area_margin).collect::<Vec<_>>()),

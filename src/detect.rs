@@ -5,12 +5,13 @@
 //! they share are rooms of their own.
 
 pub mod beacon;
-mod blob;
+pub mod blob;
 pub mod color;
 pub mod components;
 pub mod edge;
 pub mod gray;
 pub mod locate;
+mod luma;
 pub mod median;
 pub mod morphology;
 pub mod sky;
@@ -24,6 +25,7 @@ use crate::camera::Pixel;
 use crate::frame::{Frame, Region, Wanted};
 
 pub use beacon::BeaconOptions;
+pub use blob::BlobOptions;
 pub use color::{ColorOptions, HueRange};
 pub use edge::{EdgeOptions, Persistence, PersistenceOptions};
 pub use sky::{SkyOptions, Stamp, Watch};
@@ -179,7 +181,7 @@ impl Detector {
     #[must_use]
     pub fn with_hue(&self, hue: HueRange) -> Option<Self> {
         match self {
-            Self::Color(options) => Some(Self::Color(ColorOptions { hue, ..options.clone() })),
+            Self::Color(options) => Some(Self::Color(ColorOptions { hue, ..*options })),
             Self::Beacon(options) => Some(Self::Beacon(BeaconOptions { hue: Some(hue), ..*options })),
             Self::Thesis | Self::Edge(_) | Self::Sky(_) => None,
         }

@@ -7,15 +7,19 @@
     reason = "a test says what it takes for granted, and shows its figures"
 )]
 
+#[path = "program/said.rs"]
+mod said;
+
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::LazyLock;
 use std::time::Duration;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use said::Said;
 use serde_json::{Value, json};
 use skypose::frame::Frame;
 use skypose::geometry::{CameraFromTarget, rotation};
@@ -36,36 +40,6 @@ fn skypose(arguments: &[&str]) -> Command {
     }
     command.args(arguments).stdin(Stdio::null());
     command
-}
-
-/// What it has said by its end.
-#[derive(Debug)]
-struct Said {
-    code: Option<i32>,
-    out: String,
-    err: String,
-}
-
-impl Said {
-    fn of(output: Output) -> Self {
-        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
-        let said = Self { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) };
-        assert!(!said.err.contains("panicked"), "{said:?}");
-        said
-    }
-
-    fn lines(&self) -> Vec<Value> {
-        self.out.lines().map(|line| serde_json::from_str(line).expect("a line is JSON")).collect()
-    }
-
-    /// Nothing but one line of complaint that holds these words.
-    fn assert_complains(&self, code: i32, words: &[&str]) {
-        assert_eq!((self.code, self.out.as_str()), (Some(code), ""), "{self:?}");
-        assert_eq!(self.err.trim_end().lines().count(), 1, "{self:?}");
-        for word in words {
-            assert!(self.err.contains(word), "{word} is not in {self:?}");
-        }
-    }
 }
 
 fn run(arguments: &[&str]) -> Said {

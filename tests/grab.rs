@@ -8,12 +8,16 @@
     reason = "a test says what it takes for granted, and what it leaves out"
 )]
 
+#[path = "program/said.rs"]
+mod said;
+
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use said::Said;
 use serde_json::{Value, json};
 use skypose::frame::{Decoding, Frame};
 use skypose::geometry::CameraFromTarget;
@@ -42,35 +46,6 @@ macro_rules! need_ffmpeg {
             return;
         }
     };
-}
-
-#[derive(Debug)]
-struct Said {
-    code: Option<i32>,
-    out: String,
-    err: String,
-}
-
-impl Said {
-    fn of(output: Output) -> Self {
-        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
-        let said = Self { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) };
-        assert!(!said.err.contains("panicked"), "{said:?}");
-        said
-    }
-
-    fn lines(&self) -> Vec<Value> {
-        self.out.lines().map(|line| serde_json::from_str(line).expect("a line is JSON")).collect()
-    }
-
-    /// A line of complaint that holds these words, and nothing else.
-    fn assert_complains(&self, code: i32, words: &[&str]) {
-        assert_eq!((self.code, self.out.as_str()), (Some(code), ""), "{self:?}");
-        assert_eq!(self.err.trim_end().lines().count(), 1, "{self:?}");
-        for word in words {
-            assert!(self.err.contains(word), "{word} is not in {self:?}");
-        }
-    }
 }
 
 /// A folder in which the program runs.

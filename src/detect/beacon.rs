@@ -6,7 +6,7 @@
 use nalgebra::Vector2;
 
 use super::blob::{self, BlobOptions};
-use super::{Centroid, Detection, HueRange, Refusal, Refused};
+use super::{Centroid, Detection, HueRange, Refusal, Refused, luma};
 use crate::frame::color::ycbcr_of_rgb;
 use crate::frame::{ChromaSampling, Coding, Frame, Pixels, Region};
 
@@ -15,31 +15,23 @@ use crate::frame::{ChromaSampling, Coding, Frame, Pixels, Region};
 pub struct BeaconOptions {
     /// The hue of its halo; `None` for light of any colour.
     pub hue: Option<HueRange>,
-    /// Luma, of 255, by which it must stand out from what surrounds it.
-    pub min_contrast: f64,
-    /// Smallest area, px. Even the image of a point has more, as the lens blurs it.
-    pub min_area_px: f64,
-    /// Largest area as a share of the frame.
-    pub max_area_ratio: f64,
-    /// Largest ratio of length to width: motion draws out what is small.
-    pub max_elongation: f64,
-    /// Smallest ratio of the area to that of the ellipse of the same moments.
-    pub min_fill: f64,
-    /// Most centroids returned.
-    pub max_centroids: usize,
+    /// What counts as a blob; its score is luma.
+    pub blobs: BlobOptions,
 }
 
 impl Default for BeaconOptions {
     fn default() -> Self {
-        Self {
-            hue: None,
+        let blobs = BlobOptions {
             min_contrast: 30.0,
+            // Even the image of a point has more, as the lens blurs it.
             min_area_px: 2.0,
             max_area_ratio: 0.01,
+            // Motion draws out what is small.
             max_elongation: 8.0,
             min_fill: 0.8,
             max_centroids: 64,
-        }
+        };
+        Self { hue: None, blobs }
     }
 }
 
@@ -49,16 +41,12 @@ const MIN_CHROMA: f64 = 4.0;
 /// The LEDs in `region`, the best first.
 #[must_use]
 pub fn detect(frame: &Frame, region: Region, options: &BeaconOptions) -> Detection {
-    let luma = luma(frame, region);
-    let blobs = BlobOptions {
-        min_contrast: options.min_contrast,
-        min_area_px: options.min_area_px,
-        max_area_ratio: options.max_area_ratio,
-        max_elongation: options.max_elongation,
-        min_fill: options.min_fill,
-        // Those of another colour are still among them.
-        max_centroids: if options.hue.is_some() { usize::MAX } else { options.max_centroids },
-    };
+    let mut luma = Vec::new();
+    luma::take(frame, region, &mut luma);
+    // Those of another colour are still among them.
+    let most = options.blobs.max_centroids;
+    let max_centroids = if options.hue.is_some() { usize::MAX } else { most };
+    let blobs = BlobOptions { max_centroids, ..options.blobs };
     // Luma is sampled at every pixel, whatever happened to the colours.
     let coding = Coding { chroma: ChromaSampling::Full, ..frame.coding() };
     let mut found = blob::detect(frame, region, &luma, coding, None, &blobs);
@@ -66,7 +54,7 @@ pub fn detect(frame: &Frame, region: Region, options: &BeaconOptions) -> Detecti
         let (ours, others): (Vec<_>, Vec<_>) = found.centroids.into_iter().partition(|c| is_of(frame, c, hue));
         found.centroids = ours;
         found.refused.extend(others.iter().map(|c| refused(c, Refusal::OtherColor)));
-        let extra = found.centroids.split_off(options.max_centroids.min(found.centroids.len()));
+        let extra = found.centroids.split_off(most.min(found.centroids.len()));
         found.refused.extend(extra.iter().map(|c| refused(c, Refusal::Crowded)));
     }
     found
@@ -74,23 +62,6 @@ pub fn detect(frame: &Frame, region: Region, options: &BeaconOptions) -> Detecti
 
 const fn refused(centroid: &Centroid, reason: Refusal) -> Refused {
     Refused { pixel: centroid.pixel, area_px: centroid.area_px, bounds: centroid.bounds, reason }
-}
-
-/// Luma of the region's pixels, rows without padding.
-fn luma(frame: &Frame, region: Region) -> Vec<u8> {
-    let mut all = Vec::with_capacity(region.area());
-    for y in region.y..region.y + region.height {
-        let start = y as usize * frame.width() as usize + region.x as usize;
-        let end = start + region.width as usize;
-        match frame.pixels() {
-            Pixels::Luma(s) => all.extend_from_slice(&s[start..end]),
-            Pixels::YCbCr(s) => all.extend(s[3 * start..3 * end].as_chunks::<3>().0.iter().map(|[y, ..]| *y)),
-            Pixels::Rgb(s) => {
-                all.extend(s[3 * start..3 * end].as_chunks::<3>().0.iter().map(|rgb| ycbcr_of_rgb(*rgb)[0]));
-            }
-        }
-    }
-    all
 }
 
 /// Whether the light in and around the centroid's bounds has the hue. A frame without colour has none.

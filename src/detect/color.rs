@@ -16,36 +16,27 @@ pub use hue::{HueRange, NAMED_HUES};
 pub use sample::{NoHue, learned};
 
 /// What counts as a marker. The defaults suit matt discs in daylight, from a few pixels to a quarter of the frame's height.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorOptions {
     /// The marker's hue.
     pub hue: HueRange,
-    /// Chroma, of 255, by which a marker must stand out from what surrounds it. Below about 10 the noise of a JPEG begins.
-    pub min_contrast: f64,
-    /// Smallest area, px. Colour in JPEG is sampled at half the rate, so less than this is one or two colour samples.
-    pub min_area_px: f64,
-    /// Largest area as a share of the frame.
-    pub max_area_ratio: f64,
-    /// Largest ratio of length to width. A disc tilted by 75 degrees has 3.9.
-    pub max_elongation: f64,
-    /// Smallest ratio of the area to that of the ellipse of the same moments. 1 for a disc however tilted, 0.95 for a
-    /// rectangle, 0.83 for a triangle, less for a ring.
-    pub min_fill: f64,
-    /// Most centroids returned.
-    pub max_centroids: usize,
+    /// What counts as a blob; its score is chroma.
+    pub blobs: BlobOptions,
 }
 
 impl Default for ColorOptions {
     fn default() -> Self {
-        Self {
-            hue: HueRange::RED,
+        let blobs = BlobOptions {
+            // Below about 10 the noise of a JPEG begins.
             min_contrast: 12.0,
+            // Colour in JPEG is sampled at half the rate, so less than this is one or two colour samples.
             min_area_px: 4.0,
             max_area_ratio: 0.04,
             max_elongation: 6.0,
             min_fill: 0.87,
             max_centroids: 64,
-        }
+        };
+        Self { hue: HueRange::RED, blobs }
     }
 }
 
@@ -55,15 +46,7 @@ pub fn detect(frame: &Frame, region: Region, options: &ColorOptions) -> Detectio
     let Some(score) = score::score(frame, region, &options.hue) else {
         return Detection::default();
     };
-    let blobs = BlobOptions {
-        min_contrast: options.min_contrast,
-        min_area_px: options.min_area_px,
-        max_area_ratio: options.max_area_ratio,
-        max_elongation: options.max_elongation,
-        min_fill: options.min_fill,
-        max_centroids: options.max_centroids,
-    };
-    blob::detect(frame, region, &score, frame.coding(), Some(options.hue.direction()), &blobs)
+    blob::detect(frame, region, &score, frame.coding(), Some(options.hue.direction()), &options.blobs)
 }
 
 #[cfg(test)]
@@ -196,7 +179,9 @@ mod tests {
     fn beyond_the_most_that_is_asked_for_the_rest_is_told_as_crowded() {
         let is_disc = |x: f64, y: f64| (0..4).any(|i| off(x, y, [20.0 + 40.0 * f64::from(i), 60.0], 6.0) <= 1.0);
         let frame = picture(|x, y| if is_disc(x, y) { RED } else { GRAY });
-        let detection = detect(&frame, frame.full(), &ColorOptions { max_centroids: 3, ..ColorOptions::default() });
+        let mut few = ColorOptions::default();
+        few.blobs.max_centroids = 3;
+        let detection = detect(&frame, frame.full(), &few);
         assert_eq!(detection.centroids.len(), 3);
         assert_eq!(detection.refused.iter().filter(|refused| refused.reason == Refusal::Crowded).count(), 1);
     }

@@ -19,7 +19,6 @@ pub mod change;
 pub mod finder;
 pub mod kind;
 pub mod level;
-mod luma;
 pub mod outline;
 pub mod scene_change;
 pub mod score;
@@ -30,7 +29,7 @@ pub mod watch;
 #[cfg(test)]
 mod tests;
 
-use super::{Centroid, Detection, in_frame};
+use super::{Centroid, Detection, in_frame, luma};
 use crate::frame::{Frame, Region};
 use track::Track;
 

@@ -47,6 +47,7 @@ async fn bad_frames_are_refused() {
         ("/v1/detections?method=magic", "image/jpeg", whole.clone(), 422, "magic"),
         ("/v1/detections?color=mauve", "image/jpeg", whole.clone(), 422, "mauve"),
         ("/v1/detections?sample_px=1270,10,20,5", "image/jpeg", whole.clone(), 422, "does not lie"),
+        ("/v1/detections?sample_px=0,0,1280,720", "image/jpeg", whole.clone(), 422, "921600 px, more than 16384"),
         ("/v1/detections?sample_px=5,5,2,2&color=red", "image/jpeg", whole.clone(), 422, "only one of them"),
         ("/v1/detections?method=edge&sample_px=5,5,2,2", "image/jpeg", whole.clone(), 422, "no option sample_px"),
         ("/v1/detections?method=beacon&preset=thesis", "image/jpeg", whole.clone(), 422, "no method for beacons"),

@@ -21,6 +21,14 @@ pub enum NoHue {
         /// The least.
         needed: f64,
     },
+    /// It is no place on a marker but a part of the picture.
+    #[error("the sample has {pixels} px, more than {most}: some pixels on the marker are enough")]
+    TooLarge {
+        /// How many it has.
+        pixels: usize,
+        /// The most.
+        most: usize,
+    },
     /// It shows several colours.
     #[error(
         "the sample shows several colours: their hues spread by {spread_deg:.0} degrees, at most {most_deg} is one colour"
@@ -39,12 +47,18 @@ const MIN_CHROMA: f64 = 8.0;
 /// Hues of one paint, in one light, lie nearer together.
 const MAX_SPREAD_DEG: f64 = 25.0;
 
+/// Most pixels of a sample; a click needs a few.
+const MAX_PIXELS: usize = 16_384;
+
 /// The hues of the marker of which `sample` shows a part. Its rim may be in it, and some of what surrounds it if that is gray:
 /// every pixel counts by its chroma.
 ///
 /// # Errors
 /// Why there is none. The sample must lie on the frame.
 pub fn learned(frame: &Frame, sample: Region) -> Result<HueRange, NoHue> {
+    if sample.area() > MAX_PIXELS {
+        return Err(NoHue::TooLarge { pixels: sample.area(), most: MAX_PIXELS });
+    }
     let mut chroma: Vec<Vector2<f64>> = Vec::with_capacity(sample.area());
     for y in sample.y..sample.y + sample.height {
         for x in sample.x..sample.x + sample.width {

@@ -310,6 +310,7 @@ fn run(
             let source = job.path.display().to_string();
             let answer = task.and_then(|task| {
                 let bytes = std::fs::read(&job.path).map_err(|error| unreadable_source(&error))?;
+                let task = if frames.annotate.is_some() { task.shown() } else { task };
                 looking.answer(Seen::Bytes(&bytes), &task, &job.path)
             });
             bar.suspend(|| looking.tell(&source, (frames.sequence.then_some(index as u64), None), job.id, answer))?;

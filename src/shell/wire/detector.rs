@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use crate::detect::gray::Gray;
 use crate::detect::median::Window;
-use crate::detect::{self, BeaconOptions, ColorOptions, Detector, EdgeOptions, HueRange, SkyOptions};
+use crate::detect::{self, BeaconOptions, BlobOptions, ColorOptions, Detector, EdgeOptions, HueRange, SkyOptions};
 use crate::shell::fault::Fault;
 
 /// The detector and its options. What is left out has its default.
@@ -176,22 +176,16 @@ impl TryFrom<&DetectorWire> for Detector {
 
 fn color_of(wire: &DetectorWire) -> Result<ColorOptions, Fault> {
     let default = ColorOptions::default();
-    Ok(ColorOptions {
-        hue: hue_of(wire)?,
-        min_contrast: within("min_contrast", wire.min_contrast, default.min_contrast, [1.0, 255.0])?,
-        min_area_px: within("min_area_px", wire.min_area_px, default.min_area_px, [1.0, 1e9])?,
-        max_area_ratio: within("max_area_ratio", wire.max_area_ratio, default.max_area_ratio, [1e-6, 1.0])?,
-        max_elongation: within("max_elongation", wire.max_elongation, default.max_elongation, [1.0, 1e3])?,
-        min_fill: within("min_fill", wire.min_fill, default.min_fill, [0.0, 1.0])?,
-        max_centroids: count_of(wire, default.max_centroids)?,
-    })
+    let hue = hue_of(wire)?.unwrap_or(default.hue);
+    Ok(ColorOptions { hue, blobs: blobs_of(wire, &default.blobs)? })
 }
 
 fn beacon_of(wire: &DetectorWire) -> Result<BeaconOptions, Fault> {
-    let default = BeaconOptions::default();
-    let any_color = wire.color.is_none() && wire.hue_range_deg.is_none();
-    Ok(BeaconOptions {
-        hue: if any_color { None } else { Some(hue_of(wire)?) },
+    Ok(BeaconOptions { hue: hue_of(wire)?, blobs: blobs_of(wire, &BeaconOptions::default().blobs)? })
+}
+
+fn blobs_of(wire: &DetectorWire, default: &BlobOptions) -> Result<BlobOptions, Fault> {
+    Ok(BlobOptions {
         min_contrast: within("min_contrast", wire.min_contrast, default.min_contrast, [1.0, 255.0])?,
         min_area_px: within("min_area_px", wire.min_area_px, default.min_area_px, [1.0, 1e9])?,
         max_area_ratio: within("max_area_ratio", wire.max_area_ratio, default.max_area_ratio, [1e-6, 1.0])?,
@@ -256,11 +250,11 @@ fn count_of(wire: &DetectorWire, default: usize) -> Result<usize, Fault> {
     }
 }
 
-fn hue_of(wire: &DetectorWire) -> Result<HueRange, Fault> {
+fn hue_of(wire: &DetectorWire) -> Result<Option<HueRange>, Fault> {
     match (&wire.color, wire.hue_range_deg) {
-        (None, None) => Ok(HueRange::RED),
+        (None, None) => Ok(None),
         (Some(_), Some(_)) => Err(Fault::senseless("/hue_range_deg", "give a color or a hue range, not both")),
-        (Some(name), None) => HueRange::named(name).ok_or_else(|| {
+        (Some(name), None) => HueRange::named(name).map(Some).ok_or_else(|| {
             let known: Vec<&str> = detect::color::NAMED_HUES.iter().map(|(name, _)| *name).collect();
             Fault::senseless("/color", format!("no colour {name:?}; known are {}", known.join(", ")))
         }),
@@ -271,7 +265,8 @@ fn hue_of(wire: &DetectorWire) -> Result<HueRange, Fault> {
                     format!("hues from {from} to {to} degrees span {width}: more than 0, at most 120 is accepted");
                 return Err(Fault::senseless("/hue_range_deg", detail));
             }
-            Ok(HueRange { centre_deg: (from + 0.5 * width).rem_euclid(360.0), half_width_deg: 0.5 * width })
+            let centre_deg = (from + 0.5 * width).rem_euclid(360.0);
+            Ok(Some(HueRange { centre_deg, half_width_deg: 0.5 * width }))
         }
     }
 }

@@ -34,6 +34,8 @@ pub struct FrameTask {
     sequence: Option<String>,
     frame_index: Option<u64>,
     apply_orientation: bool,
+    /// Whether somebody will look at the frame.
+    is_shown: bool,
     raw: Option<(RawFormat, u32, u32)>,
 }
 
@@ -113,6 +115,7 @@ impl FrameTask {
             sequence: request.sequence,
             frame_index: request.frame_index,
             apply_orientation: request.orientation == OrientationHandling::Apply,
+            is_shown: false,
             raw,
         })
     }
@@ -148,17 +151,27 @@ impl FrameTask {
         let frame = if let Some((format, width, height)) = self.raw {
             Frame::from_raw(format, width, height, bytes, terms.limits)
         } else {
-            let decoding = Decoding {
-                // A hue is learned from colours, even for a method that needs none yet.
-                wanted: if self.sample.is_some() { Wanted::Native } else { self.detector.wanted() },
-                apply_orientation: self.apply_orientation,
-                limits: terms.limits,
-            };
+            let decoding =
+                Decoding { wanted: self.wanted(), apply_orientation: self.apply_orientation, limits: terms.limits };
             Frame::decode(bytes, &decoding)
         };
         let frame = frame.map_err(|error| Fault::of_frame(&error))?;
         self.check(&frame)?;
         Ok(frame)
+    }
+
+    /// The task of which the frames will be shown, and so are decoded in colour.
+    #[must_use]
+    pub fn shown(self) -> Self {
+        Self { is_shown: true, ..self }
+    }
+
+    /// As the detector wants it, but in colour where people look at it or a hue is learned.
+    const fn wanted(&self) -> Wanted {
+        match self.detector.wanted() {
+            Wanted::Luma if self.is_shown || self.sample.is_some() => Wanted::Native,
+            wanted => wanted,
+        }
     }
 
     /// The hue of the frame's sample, if there is to be one.
