@@ -11,7 +11,7 @@ pub mod components;
 pub mod edge;
 pub mod gray;
 pub mod locate;
-mod luma;
+pub mod luma;
 pub mod median;
 pub mod morphology;
 pub mod sky;

@@ -15,4 +15,4 @@ pub use bearing::Direction;
 pub use covariance::PoseCovariance;
 pub use point::Point;
 pub use rotation::EulerAngles;
-pub use transform::{CameraFromTarget, Transform};
+pub use transform::{CameraFromBoard, CameraFromTarget, Transform};

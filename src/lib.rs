@@ -10,6 +10,7 @@
 //! | [`geometry`] | spaces as types, points, transforms, rotations, the covariance of a pose |
 //! | [`camera`] | intrinsics, lens distortion, projection and its inverse with Jacobians |
 //! | [`target`] | a constellation of markers, how its points are spread |
+//! | [`board`] | a calibration board: its points, and what is printed of it |
 //! | [`frame`] | one picture: decoding within limits, raw formats, region of interest |
 //! | [`random`] | generators that have a name |
 //! | [`statistics`] | shares and quantiles by which errors are judged |
@@ -75,6 +76,8 @@
 
 pub mod annotate;
 pub mod assess;
+pub mod board;
+pub mod calibrate;
 pub mod camera;
 pub mod detect;
 pub mod frame;

@@ -12,6 +12,9 @@ use super::space::{self, Space};
 /// The pose of a target in the space of the camera that sees it: `p_camera = R p_target + t`.
 pub type CameraFromTarget = Transform<space::Camera, space::Target>;
 
+/// The pose of a calibration board in the space of the camera that sees it.
+pub type CameraFromBoard = Transform<space::Camera, space::Board>;
+
 /// The rigid motion that takes coordinates in `From` to coordinates in `To`.
 ///
 /// Named with both ends, target first, so that neighbours cancel:

@@ -11,6 +11,7 @@ mod optics;
 mod outline;
 mod radiance;
 mod sensor;
+mod sheet;
 mod sky;
 mod surface;
 
@@ -23,6 +24,7 @@ use crate::geometry::CameraFromTarget;
 pub use model::{Model, Patch};
 pub use optics::Optics;
 pub use radiance::Radiance;
+pub use sheet::{Rays, Sheet, render_sheet};
 pub use sky::{Clouds, Distractor, Ground, Shape, Sky};
 
 pub(super) use surface::{Seen, Surfaces, facing_normal};

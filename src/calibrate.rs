@@ -1,0 +1,19 @@
+//! Camera calibration: pictures of a board in, a camera with its covariance and a report out.
+//!
+//! [`find`](find::find) sees the board's points in one picture; [`estimate`](estimate::estimate) makes a camera of many such
+//! sightings.
+
+pub mod find;
+
+use crate::camera::Pixel;
+
+/// A point of the board where a picture shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenPoint {
+    /// Its position in [`Board::points`](crate::board::Board::points).
+    pub point: usize,
+    /// Where it is seen. For discs the centroid of the disc's image, which is not the image of its centre.
+    pub pixel: Pixel,
+    /// Standard deviation per axis, px, as far as the picture tells.
+    pub sigma_px: f64,
+}

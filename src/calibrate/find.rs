@@ -1,0 +1,90 @@
+//! A picture in, the board's points in it out.
+
+mod aprilgrid;
+mod chessboard;
+mod circles;
+mod dots;
+
+use thiserror::Error;
+
+use super::SeenPoint;
+use crate::board::{Board, Pattern};
+use crate::detect::luma;
+use crate::frame::{Frame, FrameError};
+
+/// Least side of a picture in which a board is looked for, px.
+const MIN_SIDE_PX: u32 = 48;
+
+/// The luma of a picture, rows from the top, no padding.
+struct Luma {
+    width: usize,
+    height: usize,
+    samples: Vec<u8>,
+}
+
+/// The points of the board that `frame` shows, each with its place.
+///
+/// # Errors
+/// [`NoBoard`] says what is there instead.
+pub fn find(frame: &Frame, board: &Board) -> Result<Vec<SeenPoint>, NoBoard> {
+    let (width, height) = (frame.width(), frame.height());
+    if width.min(height) < MIN_SIDE_PX {
+        return Err(NoBoard::TooSmall { width, height, min: MIN_SIDE_PX });
+    }
+    let mut picture = Luma { width: width as usize, height: height as usize, samples: Vec::new() };
+    luma::take(frame, frame.full(), &mut picture.samples);
+    match board.pattern() {
+        Pattern::Chessboard(chessboard) => chessboard::find(&picture, chessboard),
+        Pattern::Circles(circles) => circles::find(&picture, circles),
+        Pattern::Dots(dots) => dots::find(&picture, dots),
+        Pattern::AprilGrid(grid) => aprilgrid::find(&picture, grid),
+    }
+}
+
+/// Why a picture gives no points.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum NoBoard {
+    /// The picture is smaller than any board could be seen in.
+    #[error("the picture is {width} x {height} px: a board needs at least {min} px a side")]
+    TooSmall {
+        /// Its width, px.
+        width: u32,
+        /// Its height, px.
+        height: u32,
+        /// Least side, px.
+        min: u32,
+    },
+    /// Nothing like the board.
+    #[error("no {pattern} is seen: {found} of its {need} points at most")]
+    NotSeen {
+        /// Name of the pattern.
+        pattern: &'static str,
+        /// The most points that hung together.
+        found: usize,
+        /// How many there are to be.
+        need: usize,
+    },
+    /// A board, but of another size.
+    #[error("a {pattern} of {found_columns} x {found_rows} is seen, not of {columns} x {rows}")]
+    OtherSize {
+        /// Name of the pattern.
+        pattern: &'static str,
+        /// Columns that are seen.
+        found_columns: usize,
+        /// Rows that are seen.
+        found_rows: usize,
+        /// Columns that it has.
+        columns: usize,
+        /// Rows that it has.
+        rows: usize,
+    },
+    /// More than one of it: which is meant, nobody knows.
+    #[error("{count} boards are seen: cover or remove all but one")]
+    Several {
+        /// How many.
+        count: usize,
+    },
+    /// The picture cannot be read.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+}
