@@ -3,7 +3,16 @@
 //! [`find`](find::find) sees the board's points in one picture; [`estimate`](estimate::estimate) makes a camera of many such
 //! sightings.
 
+mod bundle;
+pub mod coverage;
+pub mod estimate;
+mod evidence;
 pub mod find;
+pub mod freedom;
+pub mod held_out;
+pub mod next_view;
+pub mod report;
+mod start;
 
 use crate::camera::Pixel;
 

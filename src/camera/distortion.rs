@@ -49,6 +49,31 @@ impl Distortion {
         }
     }
 
+    /// Names of the coefficients in the contract's order.
+    #[must_use]
+    pub const fn coefficient_names(&self) -> &'static [&'static str] {
+        match self {
+            Self::None => &[],
+            Self::PlumbBob(_) => &["k1", "k2", "p1", "p2", "k3"],
+            Self::RationalPolynomial(_) => &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
+            Self::Equidistant(_) => &["k1", "k2", "k3", "k4"],
+        }
+    }
+
+    /// A lens of the same model with these coefficients; those that are not given are zero, those beyond its own are left out.
+    #[must_use]
+    pub fn with_coefficients(&self, coefficients: &[f64]) -> Self {
+        fn taken<const N: usize>(given: &[f64]) -> [f64; N] {
+            std::array::from_fn(|index| given.get(index).copied().unwrap_or(0.0))
+        }
+        match self {
+            Self::None => Self::None,
+            Self::PlumbBob(_) => Self::PlumbBob(taken(coefficients)),
+            Self::RationalPolynomial(_) => Self::RationalPolynomial(taken(coefficients)),
+            Self::Equidistant(_) => Self::Equidistant(taken(coefficients)),
+        }
+    }
+
     /// The distorted position of the undistorted `ideal`, with the 2 x 2 Jacobian of the one by the other.
     #[must_use]
     pub fn distort(&self, ideal: &Normalized) -> (Normalized, Matrix2<f64>) {

@@ -1,0 +1,225 @@
+//! Simulated sets with known truth.
+
+use nalgebra::{Rotation3, Vector3};
+use rand::{Rng, RngExt};
+
+use super::*;
+use crate::geometry::rotation;
+use crate::random::{case, named, normal2};
+
+pub const SIZE: [u32; 2] = [640, 480];
+
+pub fn lenses() -> [Distortion; 4] {
+    [
+        Distortion::None,
+        Distortion::PlumbBob([-0.28, 0.09, 0.0012, -0.0006, 0.02]),
+        Distortion::RationalPolynomial([0.6, 0.12, 0.0008, -0.0004, 0.01, 0.95, 0.25, 0.03]),
+        Distortion::Equidistant([-0.02, 0.006, -0.003, 0.001]),
+    ]
+}
+
+pub fn truth(lens: Distortion) -> Camera {
+    let focal = if matches!(lens, Distortion::Equidistant(_)) { 270.0 } else { 530.0 };
+    Camera::checked(SIZE, [focal, 1.01 * focal], [323.0, 236.0], lens).expect("a camera")
+}
+
+/// A board held into the picture at random.
+fn pose_in_view(camera: &Camera, board: &Board, rng: &mut impl Rng) -> CameraFromBoard {
+    let [least, greatest] = board.sheet();
+    let middle = 0.5 * (least + greatest);
+    let width = greatest.x - least.x;
+    loop {
+        let direction = rng.random_range(0.0..std::f64::consts::TAU);
+        let tilt = rng.random_range(0.1..0.9_f64);
+        let turn = rotation::exp(&(Vector3::new(direction.cos(), direction.sin(), 0.0) * tilt))
+            * Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(-0.4..0.4));
+        let pixel = Vector2::new(rng.random_range(80.0..560.0), rng.random_range(60.0..420.0));
+        let Some(ray) = camera.unproject(&pixel) else { continue };
+        let depth = rng.random_range(0.9..2.2) * width * camera.focal_lengths()[0] / 500.0;
+        let centre = Vector3::new(ray.x, ray.y, 1.0).normalize() * depth;
+        let pose = CameraFromBoard::new(turn, centre - turn * Vector3::new(middle.x, middle.y, 0.0));
+        let visible = board.points().iter().all(|point| {
+            camera
+                .project(&(pose * *point))
+                .is_some_and(|pixel| (5.0..634.0).contains(&pixel.x) && (5.0..474.0).contains(&pixel.y))
+        });
+        if visible {
+            return pose;
+        }
+    }
+}
+
+/// Points of so many views with noise of `sigma_px`.
+pub fn views(camera: &Camera, board: &Board, count: usize, sigma_px: f64, rng: &mut impl Rng) -> Vec<Vec<SeenPoint>> {
+    let bundle = Bundle {
+        size: SIZE,
+        board,
+        views: &[],
+        lens: *camera.distortion(),
+        freedom: Freedom::none(),
+        loss: Loss::Squares,
+        prior: Parameters::zeros(),
+    };
+    (0..count)
+        .map(|_| {
+            let pose = pose_in_view(camera, board, rng);
+            (0..board.points().len())
+                .map(|point| {
+                    let origin = SeenPoint { point, pixel: Vector2::zeros(), sigma_px };
+                    let exact = -bundle.residual(camera, &pose, &origin).expect("in view");
+                    SeenPoint { pixel: exact + normal2(rng) * sigma_px, ..origin }
+                })
+                .collect()
+        })
+        .collect()
+}
+
+pub fn chessboard() -> Board {
+    "chessboard:9x6:0.025".parse().expect("a board")
+}
+
+pub fn options(lens: Distortion) -> CalibrateOptions {
+    CalibrateOptions { lens, ..CalibrateOptions::default() }
+}
+
+#[test]
+fn without_noise_the_camera_is_exact() {
+    for board in ["chessboard:9x6:0.025", "circles:7x5:0.03"] {
+        let board: Board = board.parse().expect("a board");
+        // Terms of a rational lens cancel each other up to rounding.
+        for lens in lenses().into_iter().filter(|lens| !matches!(lens, Distortion::RationalPolynomial(_))) {
+            let camera = truth(lens);
+            let views = views(&camera, &board, 12, 1e-7, &mut named("exact calibration"));
+            let found = calibrate(SIZE, &board, &views, &options(lens)).expect("a camera");
+            for step in 0..20 {
+                let pixel = Vector2::new(40.0 + 28.0 * f64::from(step), 30.0 + 20.0 * f64::from(step));
+                let (a, b) = (camera.unproject(&pixel).expect("a ray"), found.camera.unproject(&pixel).expect("a ray"));
+                assert!((a - b).norm() < 2e-6, "{}: {a} {b}", lens.name());
+            }
+            assert!(found.rms_px < 1e-5, "{}: {}", lens.name(), found.rms_px);
+        }
+    }
+}
+
+/// Sum of squared errors of the parameters in units of their covariance.
+fn parameter_chi_square(found: &Camera, truth: &Camera) -> f64 {
+    let error = super::super::freedom::parameters_of(found) - super::super::freedom::parameters_of(truth);
+    let covariance = found.parameter_covariance().expect("measured").matrix();
+    let size = 4 + truth.distortion().coefficients().len();
+    let scale = covariance.diagonal().map(|v| if v > 0.0 { v.sqrt() } else { 1.0 });
+    let unit = nalgebra::DMatrix::from_fn(size, size, |r, c| covariance[(r, c)] / (scale[r] * scale[c]));
+    let error = nalgebra::DVector::from_fn(size, |i, _| error[i] / scale[i]);
+    error.dot(&unit.cholesky().expect("a covariance").solve(&error))
+}
+
+/// Mean of the squared errors of the pixels of rays all over the picture, in units of their covariance, per coordinate.
+fn ray_chi_square(found: &Camera, truth: &Camera) -> f64 {
+    let covariance = found.parameter_covariance().expect("measured").matrix();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for x in 0..7 {
+        for y in 0..5 {
+            let pixel = Vector2::new(90.0 + 75.0 * f64::from(x), 70.0 + 80.0 * f64::from(y));
+            let ray = truth.unproject(&pixel).expect("a ray");
+            let point = crate::geometry::Point::new(ray.x, ray.y, 1.0);
+            let by = found.pixel_by_parameters(&point).expect("in view");
+            let error = found.project(&point).expect("in view") - pixel;
+            let variance = (by * covariance * by.transpose()).diagonal();
+            sum += error.component_mul(&error).component_div(&variance).sum();
+            count += 2.0;
+        }
+    }
+    sum / count
+}
+
+#[test]
+fn parameters_lie_within_their_covariance() {
+    let board = chessboard();
+    for lens in lenses() {
+        let camera = truth(lens);
+        let size = (4 + lens.coefficients().len()) as f64;
+        let (mut parameters, mut rays, mut noise) = (0.0, 0.0, 0.0);
+        let sets = 80;
+        for set in 0..sets {
+            let mut rng = case("calibration covariance", set);
+            let views = views(&camera, &board, 10, 0.2, &mut rng);
+            // The pictures say half of what their noise is: it is measured.
+            let views: Vec<Vec<SeenPoint>> =
+                views.into_iter().map(|v| v.into_iter().map(|s| SeenPoint { sigma_px: 0.1, ..s }).collect()).collect();
+            let found = calibrate(SIZE, &board, &views, &options(lens)).expect("a camera");
+            parameters += parameter_chi_square(&found.camera, &camera) / size / sets as f64;
+            rays += ray_chi_square(&found.camera, &camera) / sets as f64;
+            noise += found.noise_ratio / sets as f64;
+        }
+        println!("{}: parameters {parameters:.3}, rays {rays:.3}, noise {noise:.3}", lens.name());
+        // Sums of `size` squares: their mean is known to sqrt(2 / (sets size)); four deviations. Terms of a rational lens stand
+        // for each other so well that the data leave them open; what they predict is what counts.
+        let allowed = 4.0 * (2.0 / (sets as f64 * size)).sqrt();
+        if !matches!(lens, Distortion::RationalPolynomial(_)) {
+            assert!((parameters - 1.0).abs() < allowed, "{}: {parameters}", lens.name());
+        }
+        // Errors of neighbouring rays are alike: as if there were four.
+        assert!((rays - 1.0).abs() < 4.0 * (2.0 / (sets as f64 * 4.0)).sqrt(), "{}: {rays}", lens.name());
+        assert!((noise - 2.0).abs() < 0.02, "{}: {noise}", lens.name());
+    }
+}
+
+#[test]
+fn a_few_wrong_points_and_a_wrong_picture_do_not_count() {
+    let board = chessboard();
+    let lens = lenses()[1];
+    let camera = truth(lens);
+    let mut rng = named("wrong points");
+    let mut seen = views(&camera, &board, 10, 0.1, &mut rng);
+    // A picture of a camera with another zoom.
+    let other = Camera::checked(SIZE, [900.0; 2], [320.0, 240.0], Distortion::None).expect("a camera");
+    seen[3] = views(&other, &board, 1, 0.1, &mut rng).remove(0);
+    for view in [0, 5] {
+        for point in [3, 17, 40] {
+            seen[view][point].pixel += Vector2::new(rng.random_range(-9.0..9.0), 4.0);
+        }
+    }
+    let found = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera");
+    assert!(!found.views[3].counts && found.views.iter().filter(|view| view.counts).count() == 9);
+    for view in [0, 5] {
+        assert!([3, 17, 40].iter().all(|point| !found.views[view].inliers[*point]));
+    }
+    let wrong = found.views.iter().filter(|v| v.counts).flat_map(|v| &v.inliers).filter(|inlier| !**inlier).count();
+    assert!(wrong <= 7, "{wrong} points left out");
+    assert!((found.camera.focal_lengths()[0] - 530.0).abs() < 4.0 * found.standard_deviations[0]);
+}
+
+#[test]
+fn what_is_held_stays() {
+    let board = chessboard();
+    let camera = Camera::checked(SIZE, [530.0; 2], [319.5, 239.5], Distortion::PlumbBob([-0.28, 0.09, 0.0, 0.0, 0.0]))
+        .expect("a camera");
+    let views = views(&camera, &board, 8, 0.1, &mut named("held"));
+    let fixed = Fixed {
+        aspect_ratio: true,
+        principal_point: true,
+        coefficients: [false, false, true, true, true, false, false, false],
+    };
+    let options = CalibrateOptions { fixed, ..options(*camera.distortion()) };
+    let found = calibrate(SIZE, &board, &views, &options).expect("a camera");
+    assert_eq!(found.camera.focal_lengths()[0], found.camera.focal_lengths()[1]);
+    assert_eq!(found.camera.principal_point(), [319.5, 239.5]);
+    assert_eq!(found.camera.distortion().coefficients()[2..], [0.0; 3]);
+    assert_eq!(found.standard_deviations[2], 0.0);
+    assert!((found.camera.focal_lengths()[0] - 530.0).abs() < 4.0 * found.standard_deviations[0]);
+    // Held to what a camera says that is known.
+    let guess = CalibrateOptions { guess: Some(found.camera), ..options };
+    let again = calibrate(SIZE, &board, &views, &guess).expect("a camera");
+    assert!((again.camera.focal_lengths()[0] - found.camera.focal_lengths()[0]).abs() < 1e-3);
+}
+
+#[test]
+fn too_little_is_refused() {
+    let board = chessboard();
+    let camera = truth(Distortion::None);
+    let mut seen = views(&camera, &board, 2, 0.1, &mut named("little"));
+    let refused = calibrate(SIZE, &board, &seen[..1], &options(Distortion::None)).expect_err("one view");
+    assert_eq!(refused, CalibrateError::TooFewViews { found: 1, need: 2, min_points: MIN_POINTS });
+    seen[1].truncate(5);
+    let refused = calibrate(SIZE, &board, &seen, &options(Distortion::None)).expect_err("five points");
+    assert!(matches!(refused, CalibrateError::TooFewViews { found: 1, .. }));
+}

@@ -1,0 +1,194 @@
+//! How well a camera predicts views that it does not rest on, and whether another lens model would do better.
+//!
+//! The views are dealt into a few parts; each part is predicted, up to the poses of its views, by a camera of the others
+//! (cross-validation; Stone 1974). A model with too few terms predicts worse, and so does one with so many that they fit noise.
+
+use super::SeenPoint;
+use super::estimate::{CalibrateOptions, Calibration, calibrate, rms_of_view_alone};
+use super::evidence::Evidence;
+use super::freedom::Fixed;
+use crate::camera::{Camera, Distortion};
+
+/// Parts into which the views are dealt.
+const PARTS: usize = 5;
+
+/// Views that a camera must rest on.
+const MIN_VIEWS: usize = 3;
+
+/// A lens model that was tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// The model and its free terms, as `plumb_bob k1 k2`.
+    pub name: String,
+    /// Free terms of the lens.
+    pub terms: usize,
+    /// Root mean square error of held-out points, px; `None` where no camera could be had.
+    pub held_out_rms_px: Option<f64>,
+    /// Mean squared error of each view, px^2.
+    squares: Vec<f64>,
+}
+
+/// What the trials say of the chosen model.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fit {
+    /// None of the others is better, none of the smaller ones as good.
+    Right,
+    /// A larger one predicts better by more than chance.
+    TooSmall {
+        /// Its name.
+        better: String,
+        /// Its held-out error over that of the chosen model.
+        ratio: f64,
+    },
+    /// A smaller one predicts as well.
+    TooLarge {
+        /// Its name.
+        enough: String,
+        /// Its held-out error over that of the chosen model.
+        ratio: f64,
+    },
+    /// Too few views to tell.
+    Unknown,
+}
+
+/// Held-out errors of the chosen model and of the usual others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trials {
+    /// The first is the chosen one.
+    pub all: Vec<Trial>,
+    /// What they say.
+    pub fit: Fit,
+}
+
+/// A smaller model is as good if it predicts worse by less than this.
+const AS_GOOD_RATIO: f64 = 1.005;
+
+impl Trials {
+    /// Tries them, telling after each which share is done.
+    pub(super) fn of(
+        evidence: &Evidence<'_>,
+        options: &CalibrateOptions,
+        found: &Calibration,
+        tell: &mut dyn FnMut(f64),
+    ) -> Self {
+        let chosen = (options.lens, options.fixed);
+        let usual = usual_models(&options.fixed).into_iter().filter(|model| !is_same(model, &chosen));
+        let models: Vec<(Distortion, Fixed)> = std::iter::once(chosen).chain(usual).collect();
+        let mut all = Vec::with_capacity(models.len());
+        for (index, (lens, fixed)) in models.iter().enumerate() {
+            let guess = if index == 0 { Some(found.camera) } else { None };
+            all.push(trial(evidence, &CalibrateOptions { lens: *lens, fixed: *fixed, ..*options }, guess));
+            tell((index + 1) as f64 / models.len() as f64);
+        }
+        let fit = judge(&all);
+        Self { all, fit }
+    }
+}
+
+/// The models that people use, from small to large, with whatever else is held.
+fn usual_models(held: &Fixed) -> Vec<(Distortion, Fixed)> {
+    let plumb_bob = Distortion::PlumbBob([0.0; 5]);
+    let fixed = |coefficients: [bool; 8]| Fixed { coefficients, ..*held };
+    vec![
+        (Distortion::None, fixed([false; 8])),
+        (plumb_bob, fixed([false, true, true, true, true, false, false, false])),
+        (plumb_bob, fixed([false, false, true, true, true, false, false, false])),
+        (plumb_bob, fixed([false, false, false, false, true, false, false, false])),
+        (plumb_bob, fixed([false; 8])),
+        (Distortion::RationalPolynomial([0.0; 8]), fixed([false; 8])),
+        (Distortion::Equidistant([0.0; 4]), fixed([false; 8])),
+    ]
+}
+
+fn is_same((lens, fixed): &(Distortion, Fixed), (other, other_fixed): &(Distortion, Fixed)) -> bool {
+    let terms = lens.coefficients().len();
+    lens.name() == other.name() && fixed.coefficients[..terms] == other_fixed.coefficients[..terms]
+}
+
+/// As `plumb_bob k1 k2`.
+fn name_of(lens: &Distortion, fixed: &Fixed) -> (String, usize) {
+    let free: Vec<&str> = lens
+        .coefficient_names()
+        .iter()
+        .zip(fixed.coefficients)
+        .filter(|(_, held)| !held)
+        .map(|(name, _)| *name)
+        .collect();
+    let name = std::iter::once(lens.name()).chain(free.iter().copied()).collect::<Vec<_>>().join(" ");
+    (name, free.len())
+}
+
+fn trial(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<Camera>) -> Trial {
+    let (name, terms) = name_of(&options.lens, &options.fixed);
+    let squares = held_out_squares(evidence, options, guess).unwrap_or_default();
+    let points = evidence.views.iter().map(Vec::len);
+    let (sum, count) = squares
+        .iter()
+        .zip(points)
+        .fold((0.0, 0.0), |(sum, count), (square, points)| (sum + square * points as f64, count + points as f64));
+    let rms = (sum / count).sqrt();
+    Trial { name, terms, held_out_rms_px: rms.is_finite().then_some(rms), squares }
+}
+
+/// Mean squared error of each view under a camera that rests on others.
+fn held_out_squares(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<Camera>) -> Option<Vec<f64>> {
+    let count = evidence.views.len();
+    let parts = PARTS.min(count);
+    if count < MIN_VIEWS + count.div_ceil(parts.max(1)) {
+        return None;
+    }
+    let size = [evidence.camera.width(), evidence.camera.height()];
+    // All views together are where the search of each part begins, not what it ends with.
+    let start = match guess.or(options.guess) {
+        Some(camera) => camera,
+        None => calibrate(size, evidence.board, &evidence.views, options).ok()?.camera,
+    };
+    let options = CalibrateOptions { guess: Some(start), ..*options };
+    let mut squares = vec![0.0; count];
+    for part in 0..parts {
+        let others: Vec<Vec<SeenPoint>> =
+            (0..count).filter(|index| index % parts != part).map(|index| evidence.views[index].clone()).collect();
+        let camera = calibrate(size, evidence.board, &others, &options).ok()?.camera;
+        for index in (part..count).step_by(parts) {
+            squares[index] = rms_of_view_alone(evidence.board, &camera, &evidence.views[index])?.powi(2);
+        }
+    }
+    Some(squares)
+}
+
+fn judge(all: &[Trial]) -> Fit {
+    let Some((chosen, others)) = all.split_first() else { return Fit::Unknown };
+    let Some(chosen_rms) = chosen.held_out_rms_px else { return Fit::Unknown };
+    let ratio = |other: &Trial| other.held_out_rms_px.map(|rms| rms / chosen_rms);
+    let better = others
+        .iter()
+        .filter(|other| is_better(&other.squares, &chosen.squares))
+        .filter_map(|other| Some((other, ratio(other)?)))
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((better, ratio)) = better.filter(|(better, _)| better.terms >= chosen.terms) {
+        return Fit::TooSmall { better: better.name.clone(), ratio };
+    }
+    let enough = others
+        .iter()
+        .filter(|other| other.terms < chosen.terms)
+        .filter_map(|other| Some((other, ratio(other)?)))
+        .filter(|(_, ratio)| *ratio < AS_GOOD_RATIO)
+        .min_by_key(|(other, _)| other.terms);
+    match enough {
+        Some((enough, ratio)) => Fit::TooLarge { enough: enough.name.clone(), ratio },
+        None => Fit::Right,
+    }
+}
+
+/// Whether the squared errors of `one` are smaller, view by view, by more than two standard deviations of their mean difference, and by
+/// one in a hundred.
+fn is_better(one: &[f64], other: &[f64]) -> bool {
+    if one.len() != other.len() || one.len() < 2 {
+        return false;
+    }
+    let count = one.len() as f64;
+    let differences: Vec<f64> = one.iter().zip(other).map(|(one, other)| other - one).collect();
+    let mean = differences.iter().sum::<f64>() / count;
+    let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    mean > 2.0 * (variance / count).sqrt() && mean > 0.01 * other.iter().sum::<f64>() / count
+}
