@@ -1,0 +1,158 @@
+//! The sums of one pass over a window, several pixels at a time.
+
+#![allow(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instructions of the function that calls it"
+)]
+
+use nalgebra::{SMatrix, SVector};
+
+use super::edge::profile;
+
+/// Parameters of the model: place, slant and sharpness of the edge along the first way (`[0, 1, 2]`: constant, by `s`, by `t`) and of that
+/// along the second (`[3, 4, 5]`), half of white less black, mean, and the light's slopes as shares.
+pub(super) const COUNT: usize = 10;
+
+/// The parameters as a pass takes them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape(pub [f32; COUNT]);
+
+/// Pixels side by side.
+pub(super) const LANES: usize = 8;
+
+type Values = [f32; LANES];
+
+/// Pixels of a row: where they are in steps of the lattice, straightened, and what they show.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+pub(super) struct Lanes {
+    s: Values,
+    t: Values,
+    codes: Values,
+    weights: Values,
+}
+
+impl Lanes {
+    /// Weighted sum of codes, and of weights.
+    pub(super) fn sum(&self) -> (f32, f32) {
+        let sum = self.codes.iter().zip(&self.weights).map(|(code, weight)| code * weight).sum();
+        (sum, self.weights.iter().sum())
+    }
+}
+
+/// How pixels become steps.
+pub(super) struct View {
+    pub middle: [f32; 2],
+    /// Steps by pixels, row by row.
+    pub inverse: [f32; 4],
+    /// By how much the first line moves in `t` per `s` squared, and the second in `s` per `t` squared.
+    pub bends: [f32; 2],
+    /// Half sides of the window, steps.
+    pub halves: [f32; 2],
+}
+
+/// Weights fall from one to zero over so much of the window's half width.
+const RIM: f32 = 0.15;
+
+impl View {
+    pub(super) fn lanes(&self, x: usize, y: usize, codes: &[u8]) -> Lanes {
+        let [mut s, mut t, mut values, mut weights] = [[0.0; LANES]; 4];
+        let dy = y as f32 - self.middle[1];
+        for (k, code) in codes.iter().enumerate().take(LANES) {
+            let dx = (x + k) as f32 - self.middle[0];
+            let [a, b, c, d] = self.inverse;
+            let (across, down) = (a * dx + b * dy, c * dx + d * dy);
+            let far = (across / self.halves[0]).abs().max((down / self.halves[1]).abs());
+            weights[k] = ((1.0 - far) / RIM).clamp(0.0, 1.0);
+            s[k] = across - self.bends[1] * down * down;
+            t[k] = down - self.bends[0] * across * across;
+            values[k] = f32::from(*code);
+        }
+        Lanes { s, t, codes: values, weights }
+    }
+}
+
+/// Of a pass.
+pub(super) struct Sums {
+    pub normal: SMatrix<f64, COUNT, COUNT>,
+    pub right: SVector<f64, COUNT>,
+    /// Of squared residuals.
+    pub squares: f64,
+    pub weight: f64,
+}
+
+/// Entries of the triangle of the normal matrix with the right side as a further column, and the squares.
+const ENTRIES: usize = (COUNT + 1) * (COUNT + 2) / 2;
+
+pub(super) fn gather(window: &[Lanes], shape: &Shape) -> Sums {
+    let mut entries = [[0.0; LANES]; ENTRIES];
+    let mut weights = [0.0; LANES];
+    add(window, &shape.0, &mut entries, &mut weights);
+    let total = |lanes: &Values| lanes.iter().map(|value| f64::from(*value)).sum::<f64>();
+    let mut sums =
+        Sums { normal: SMatrix::zeros(), right: SVector::zeros(), squares: 0.0, weight: total(&weights) };
+    let mut entry = entries.iter().map(total);
+    for row in 0..=COUNT {
+        for column in row..=COUNT {
+            let value = entry.next().unwrap_or(0.0);
+            match (row == COUNT, column == COUNT) {
+                (true, _) => sums.squares = value,
+                (false, true) => sums.right[row] = value,
+                (false, false) => {
+                    sums.normal[(row, column)] = value;
+                    sums.normal[(column, row)] = value;
+                }
+            }
+        }
+    }
+    sums
+}
+
+#[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
+fn add(window: &[Lanes], shape: &[f32; COUNT], entries: &mut [Values; ENTRIES], weights: &mut Values) {
+    for lanes in window {
+        let columns = columns(lanes, shape);
+        let mut entry = 0;
+        for row in 0..=COUNT {
+            for column in row..=COUNT {
+                let sum = &mut entries[entry];
+                for k in 0..LANES {
+                    sum[k] += columns[row][k] * columns[column][k];
+                }
+                entry += 1;
+            }
+        }
+        for k in 0..LANES {
+            weights[k] += lanes.weights[k];
+        }
+    }
+}
+
+/// The derivatives of the model by its parameters, and the residual, times the root of the weight.
+#[inline(always)]
+fn columns(lanes: &Lanes, shape: &[f32; COUNT]) -> [Values; COUNT + 1] {
+    let [p1, s1, t1, p2, s2, t2, half, mean, across, down] = *shape;
+    let mut columns = [[0.0; LANES]; COUNT + 1];
+    for k in 0..LANES {
+        let (s, t) = (lanes.s[k], lanes.t[k]);
+        let root = lanes.weights[k].sqrt();
+        let (first, first_slope) = profile(p1 + s1 * s + t1 * t);
+        let (second, second_slope) = profile(p2 + s2 * s + t2 * t);
+        let light = root * (1.0 + across * s + down * t);
+        let shade = mean + half * first * second;
+        let by_first = light * half * first_slope * second;
+        let by_second = light * half * first * second_slope;
+        columns[0][k] = by_first;
+        columns[1][k] = by_first * s;
+        columns[2][k] = by_first * t;
+        columns[3][k] = by_second;
+        columns[4][k] = by_second * s;
+        columns[5][k] = by_second * t;
+        columns[6][k] = light * first * second;
+        columns[7][k] = light;
+        columns[8][k] = root * s * shade;
+        columns[9][k] = root * t * shade;
+        columns[10][k] = root * lanes.codes[k] - light * shade;
+    }
+    columns
+}
