@@ -17,7 +17,7 @@ pub(super) enum Fit {
 }
 
 /// Share of its points within the picture that must be seen of a board.
-const MIN_SEEN: f64 = 0.6;
+const MIN_SEEN: f64 = 0.4;
 
 /// A side of a board is where it is if so many of its discs are seen.
 const SIDE: usize = 2;
