@@ -3,14 +3,16 @@
 mod aprilgrid;
 mod chessboard;
 mod circles;
+mod discs;
 mod dots;
+mod plane;
 
 use thiserror::Error;
 
 use super::SeenPoint;
 use crate::board::{Board, Pattern};
 use crate::detect::luma;
-use crate::frame::{Frame, FrameError};
+use crate::frame::{Frame, FrameError, Region};
 
 /// Least side of a picture in which a board is looked for, px.
 const MIN_SIDE_PX: u32 = 48;
@@ -20,6 +22,15 @@ struct Luma {
     width: usize,
     height: usize,
     samples: Vec<u8>,
+}
+
+impl Luma {
+    /// All of it; `None` if it has no pixels.
+    fn region(&self) -> Option<Region> {
+        let [width, height] = [self.width, self.height].map(|side| u32::try_from(side).unwrap_or(0));
+        let holds = self.width > 0 && self.height > 0 && self.samples.len() == self.width * self.height;
+        holds.then_some(Region { x: 0, y: 0, width, height })
+    }
 }
 
 /// The points of the board that `frame` shows, each with its place.

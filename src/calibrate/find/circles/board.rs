@@ -1,0 +1,202 @@
+//! A lattice of the picture as part of a board.
+
+use super::super::Luma;
+use super::lattice::{Lattice, Place, steps};
+use crate::board::{CircleLayout, Circles};
+use crate::camera::Pixel;
+
+/// What a lattice is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Fit {
+    /// The board: its points, each with the number of a disc.
+    Board(Vec<(usize, usize)>),
+    /// A board of another size.
+    Other { columns: usize, rows: usize },
+    /// Nothing of the kind.
+    None,
+}
+
+/// Share of its points within the picture that must be seen of a board.
+const MIN_SEEN: f64 = 0.4;
+
+/// A side of a board is where it is if so many of its discs are seen.
+const SIDE: usize = 2;
+
+/// A place this near to the picture's border, in steps, may be hidden by it.
+const BORDER: f64 = 0.45;
+
+/// The board in its own coordinates: columns and rows of places, some of which have a disc.
+struct Extent {
+    columns: i32,
+    rows: i32,
+    layout: CircleLayout,
+}
+
+impl Extent {
+    fn of(circles: &Circles) -> Self {
+        let (columns, rows) = (circles.columns.cast_signed(), circles.rows.cast_signed());
+        match circles.layout {
+            CircleLayout::Symmetric => Self { columns, rows, layout: circles.layout },
+            CircleLayout::Asymmetric => Self { columns: 2 * columns, rows, layout: circles.layout },
+        }
+    }
+
+    /// Whether there is a disc.
+    fn holds(&self, [x, y]: Place) -> bool {
+        let inside = (0..self.columns).contains(&x) && (0..self.rows).contains(&y);
+        inside && (self.layout == CircleLayout::Symmetric || (x + y) % 2 == 0)
+    }
+
+    /// Its position among the points.
+    fn point(&self, [x, y]: Place) -> usize {
+        let (x, columns) = match self.layout {
+            CircleLayout::Symmetric => (x, self.columns),
+            CircleLayout::Asymmetric => (x / 2, self.columns / 2),
+        };
+        usize::try_from(y * columns + x).unwrap_or(usize::MAX)
+    }
+
+    /// Coordinates of a place of the lattice. That of an asymmetric board stands on its corner.
+    fn from_lattice(&self, [i, j]: Place) -> Place {
+        match self.layout {
+            CircleLayout::Symmetric => [i, j],
+            CircleLayout::Asymmetric => [i - j, i + j],
+        }
+    }
+
+    fn to_lattice(&self, [x, y]: Place) -> Place {
+        match self.layout {
+            CircleLayout::Symmetric => [x, y],
+            CircleLayout::Asymmetric => [(x + y).div_euclid(2), (y - x).div_euclid(2)],
+        }
+    }
+}
+
+/// A quarter turn, so many times.
+fn turned([x, y]: Place, quarters: u8) -> Place {
+    (0..quarters).fold([x, y], |[x, y], _| [-y, x])
+}
+
+/// What the lattice is, as seen against the board.
+pub(super) fn placement(lattice: &Lattice, picture: &Luma, circles: &Circles) -> Fit {
+    let extent = Extent::of(circles);
+    let nodes: Vec<(Place, usize, Pixel)> =
+        lattice.iter().map(|(place, disc, pixel)| (extent.from_lattice(place), disc, pixel)).collect();
+    let mut best: Option<(usize, f64, Vec<(usize, usize)>)> = None;
+    for quarters in 0..4 {
+        let turned: Vec<(Place, usize, Pixel)> =
+            nodes.iter().map(|(place, disc, pixel)| (turned(*place, quarters), *disc, *pixel)).collect();
+        let Some([least, greatest]) = bounds(turned.iter().map(|(place, ..)| *place)) else { return Fit::None };
+        // Every shift that lets the board hold all of the lattice, and those next to it where strays are left out.
+        let shifts = |least: i32, greatest: i32, size: i32| {
+            let (a, b) = (-least, size - 1 - greatest);
+            a.min(b)..=a.max(b)
+        };
+        for down in shifts(least[1], greatest[1], extent.rows) {
+            for right in shifts(least[0], greatest[0], extent.columns) {
+                let at = |[x, y]: Place| [x + right, y + down];
+                let is_better = |seen: usize, corner: f64| {
+                    best.as_ref().is_none_or(|(most, nearest, _)| seen > *most || seen == *most && corner < *nearest)
+                };
+                let back = |[x, y]: Place| {
+                    let [x, y] = [x - right, y - down];
+                    extent.to_lattice(self::turned([x, y], (4 - quarters) % 4))
+                };
+                let inside = turned.iter().filter(|(place, ..)| extent.holds(at(*place))).count();
+                // Strays: what the board has no place for.
+                if turned.len() - inside > turned.len() / 20 || !is_better(inside, f64::INFINITY) && !is_better(inside, 0.0) {
+                    continue;
+                }
+                if !extent.is_certain(lattice, picture, back) {
+                    continue;
+                }
+                let Some(corner) = lattice.pixel(back([0, 0])) else { continue };
+                let corner = corner.x + corner.y;
+                if is_better(inside, corner) {
+                    let points = turned.iter().map(|(place, disc, _)| (at(*place), *disc));
+                    let points = points.filter(|(place, _)| extent.holds(*place));
+                    let mut points: Vec<(usize, usize)> =
+                        points.map(|(place, disc)| (extent.point(place), disc)).collect();
+                    points.sort_unstable();
+                    best = Some((inside, corner, points));
+                }
+            }
+        }
+    }
+    best.map_or_else(|| other(&nodes, circles), |(_, _, points)| Fit::Board(points))
+}
+
+impl Extent {
+    /// Whether the board ends where the lattice does or beyond the picture, and most of it that is in the picture is seen.
+    fn is_certain(&self, lattice: &Lattice, picture: &Luma, back: impl Fn(Place) -> Place) -> bool {
+        let mut sides = [[0_usize; 2]; 4];
+        let (mut seen, mut hidden) = (0, 0);
+        for y in 0..self.rows {
+            for x in 0..self.columns {
+                if !self.holds([x, y]) {
+                    continue;
+                }
+                let place = back([x, y]);
+                let is_seen = lattice.at(place).is_some();
+                let is_hidden = !is_seen && lattice.is_in_view(place, picture);
+                seen += usize::from(is_seen);
+                hidden += usize::from(is_hidden);
+                let on = [x == 0, x == self.columns - 1, y == 0, y == self.rows - 1];
+                for (side, _) in sides.iter_mut().zip(on).filter(|(_, on)| *on) {
+                    side[0] += usize::from(is_seen);
+                    side[1] += usize::from(is_hidden);
+                }
+            }
+        }
+        let ends = sides.iter().all(|[seen, hidden]| *seen >= SIDE || *hidden == 0);
+        ends && seen as f64 >= MIN_SEEN * (seen + hidden) as f64
+    }
+}
+
+impl Lattice {
+    /// Where a place is seen, or would be.
+    fn pixel(&self, place: Place) -> Option<Pixel> {
+        self.plane(place, 12, 8).and_then(|plane| plane.pixel(&steps(place)))
+    }
+
+    /// Whether a disc there would lie within the picture.
+    fn is_in_view(&self, place: Place, picture: &Luma) -> bool {
+        let Some(plane) = self.plane(place, 12, 8) else { return false };
+        let Some(pixel) = plane.pixel(&steps(place)) else { return false };
+        let border = plane.by_place(&steps(place)).map(f64::abs) * nalgebra::Vector2::repeat(BORDER);
+        (border.x..picture.width as f64 - 1.0 - border.x).contains(&pixel.x)
+            && (border.y..picture.height as f64 - 1.0 - border.y).contains(&pixel.y)
+    }
+}
+
+fn bounds(places: impl Iterator<Item = Place>) -> Option<[Place; 2]> {
+    places.map(|place| [place, place]).reduce(|[least, greatest], [place, _]| {
+        [
+            [least[0].min(place[0]), least[1].min(place[1])],
+            [greatest[0].max(place[0]), greatest[1].max(place[1])],
+        ]
+    })
+}
+
+/// Share of a box that must hold discs to be a board of that size.
+const FULL: f64 = 0.75;
+
+/// The size of a lattice that is not the board's.
+fn other(nodes: &[(Place, usize, Pixel)], circles: &Circles) -> Fit {
+    let Some([least, greatest]) = bounds(nodes.iter().map(|(place, ..)| *place)) else { return Fit::None };
+    let size = |axis: usize| usize::try_from(greatest[axis] - least[axis] + 1).unwrap_or(0);
+    let (wide, high) = (size(0), size(1));
+    let per_place = match circles.layout {
+        CircleLayout::Symmetric => 1,
+        CircleLayout::Asymmetric => 2,
+    };
+    if (nodes.len() * per_place) as f64 <= FULL * (wide * high) as f64 {
+        return Fit::None;
+    }
+    // Turned as the board would be.
+    let off = |columns: usize, rows: usize| {
+        columns.div_ceil(per_place).abs_diff(circles.columns as usize) + rows.abs_diff(circles.rows as usize)
+    };
+    let (columns, rows) = if off(wide, high) <= off(high, wide) { (wide, high) } else { (high, wide) };
+    Fit::Other { columns: columns.div_ceil(per_place), rows }
+}
