@@ -242,6 +242,15 @@ impl JobStore {
         get(&mut *self.pool.acquire().await?, id).await
     }
 
+    /// Where the job of this id stands.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub async fn status(&self, id: &str) -> Result<Option<JobStatus>, StoreError> {
+        let query = "SELECT status FROM skypose_jobs WHERE id = ?";
+        Ok(sqlx::query_scalar(query).bind(id).fetch_optional(&self.pool).await?)
+    }
+
     /// The jobs of a kind, the last made first, without their results.
     ///
     /// # Errors
