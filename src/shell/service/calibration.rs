@@ -74,11 +74,10 @@ impl Kind for CalibrationKind {
     fn finish(&self, input: &Input, shards: Vec<Value>, cancel: &Cancel) -> Result<Outcome, Fault> {
         let request: CalibrationRequest = from_value(input.request.clone())?;
         let board = request.board()?;
-        let mut sightings: Vec<Sighting> = shards
-            .into_iter()
-            .map(serde_json::from_value)
-            .collect::<Result<_, _>>()
-            .map_err(|error| Fault::new(FaultKind::Internal, format!("a stored picture cannot be read: {error}")))?;
+        let mut sightings: Vec<Sighting> =
+            shards.into_iter().map(serde_json::from_value).collect::<Result<_, _>>().map_err(|error| {
+                Fault::new(FaultKind::Internal, format!("a stored picture cannot be read: {error}"))
+            })?;
         let size = usual_size(&sightings);
         refuse_other_sizes(&mut sightings, size);
         let estimated = match size.filter(|_| sightings.iter().any(|sighting| sighting.reason.is_none())) {
@@ -94,7 +93,12 @@ impl Kind for CalibrationKind {
         };
         let body = json!(estimated.camera).to_string();
         let things = request.name.into_iter().map(|name| Thing { kind: store::Kind::Camera, name, body: body.clone() });
-        Ok(Outcome { result: estimated.result, problem: None, report: Some(estimated.report), things: things.collect() })
+        Ok(Outcome {
+            result: estimated.result,
+            problem: None,
+            report: Some(estimated.report),
+            things: things.collect(),
+        })
     }
 }
 

@@ -256,7 +256,8 @@ impl JobStore {
     /// # Errors
     /// If the file cannot be read.
     pub async fn list(&self, kind: &str) -> Result<Vec<Job>, StoreError> {
-        let query = "SELECT id, kind, status, request, files, fingerprint, shards, done, NULL AS result, problem, created_us,
+        let query =
+            "SELECT id, kind, status, request, files, fingerprint, shards, done, NULL AS result, problem, created_us,
                             started_us, finished_us
                      FROM skypose_jobs WHERE kind = ? ORDER BY created_us DESC, id DESC";
         Ok(sqlx::query_as(query).bind(kind).fetch_all(&self.pool).await?)
@@ -496,7 +497,10 @@ mod tests {
     async fn a_key_names_one_job() {
         let (_folder, store) = store().await;
         let made = store.make(job("1", Some("k"), "x"), 9).await.expect("makes");
-        assert!(matches!(&made, Made::New(job) if job.status == JobStatus::Queued && job.files[0].bytes == 7), "{made:?}");
+        assert!(
+            matches!(&made, Made::New(job) if job.status == JobStatus::Queued && job.files[0].bytes == 7),
+            "{made:?}"
+        );
         assert!(matches!(store.make(job("2", Some("k"), "x"), 9).await, Ok(Made::Known(job)) if job.id == "1"));
         assert!(matches!(store.make(job("2", Some("k"), "y"), 9).await, Ok(Made::OtherRequest(_))));
         assert!(matches!(store.make(job("2", None, "x"), 1).await, Ok(Made::Full { unfinished: 1 })));

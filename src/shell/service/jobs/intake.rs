@@ -80,8 +80,7 @@ impl Intake {
             let detail = format!("more pictures than the {most} that are accepted");
             return Err(Fault::new(FaultKind::TooLarge, detail));
         }
-        let file =
-            File::create(self.uploads.join(file_name(number))).await.map_err(|error| unwritten(&error))?;
+        let file = File::create(self.uploads.join(file_name(number))).await.map_err(|error| unwritten(&error))?;
         let name = name.map(shown).filter(|name| !name.is_empty()).unwrap_or_else(|| format!("picture-{}", number + 1));
         self.files.push(JobFile { name, bytes: 0 });
         self.open = Some(Open { file, bytes: 0, seen: Sha256::new() });
@@ -104,7 +103,9 @@ impl Intake {
             return too_large(format!("picture {:?} is larger than the {most} bytes that are accepted", file.name));
         }
         if self.total > most_of_all {
-            return too_large(format!("the pictures together are larger than the {most_of_all} bytes that are accepted"));
+            return too_large(format!(
+                "the pictures together are larger than the {most_of_all} bytes that are accepted"
+            ));
         }
         open.seen.update(bytes);
         open.file.write_all(bytes).await.map_err(|error| unwritten(&error))

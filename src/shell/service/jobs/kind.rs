@@ -48,7 +48,10 @@ pub struct Input {
 
 impl Input {
     pub(super) fn of(job: &Job, jobs: &Path) -> Self {
-        Self { request: job.request.clone(), files: JobFolder { path: uploads(jobs, &job.id), files: job.files.clone() } }
+        Self {
+            request: job.request.clone(),
+            files: JobFolder { path: uploads(jobs, &job.id), files: job.files.clone() },
+        }
     }
 }
 
