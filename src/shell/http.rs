@@ -10,8 +10,10 @@ pub mod layers;
 pub mod server;
 
 mod assessments;
+mod calibrations;
 mod detections;
 mod estimates;
+mod jobs;
 mod poses;
 mod things;
 
@@ -57,8 +59,17 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(things::list_cameras))
         .routes(routes!(things::get_camera, things::put_camera, things::delete_camera))
         .routes(routes!(assessments::post))
+        .routes(routes!(calibrations::list))
+        .routes(routes!(calibrations::get, calibrations::delete))
+        .routes(routes!(calibrations::events))
+        .routes(routes!(calibrations::report))
         .routes(routes!(things::list_targets))
         .routes(routes!(things::get_target, things::put_target, things::delete_target))
+}
+
+/// Routes that take what comes in its own time.
+fn upload_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(calibrations::post))
 }
 
 /// Routes that answer however full the service is.
@@ -72,7 +83,7 @@ fn watch_routes() -> OpenApiRouter<App> {
 /// The API document.
 #[must_use]
 pub fn openapi() -> utoipa::openapi::OpenApi {
-    let (_, mut document) = routes().merge(watch_routes()).split_for_parts();
+    let (_, mut document) = routes().merge(upload_routes()).merge(watch_routes()).split_for_parts();
     docs::add_examples(&mut document);
     document
 }
@@ -80,9 +91,11 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 /// The whole door as a tower service.
 pub fn router(app: App) -> Router {
     let (working, _) = routes().split_for_parts();
+    let (uploading, _) = upload_routes().split_for_parts();
     let (watching, _) = watch_routes().split_for_parts();
     Router::new()
         .merge(working.layer(from_fn_with_state(app.clone(), layers::admit)))
+        .merge(uploading.layer(from_fn_with_state(app.clone(), layers::admit_upload)))
         .merge(watching)
         .merge(docs::pages(openapi()))
         .fallback(error::no_such_route)

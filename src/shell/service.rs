@@ -1,12 +1,14 @@
 //! What both doors, HTTP and the command line, ask for: names looked up, work done on the workers, replies made.
 
+pub mod calibration;
 pub mod compute;
+pub mod jobs;
 pub mod lookup;
 pub mod sequences;
 pub mod workers;
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
@@ -18,7 +20,9 @@ use super::wire::{
     AssessmentReply, AssessmentRequest, DetectionReply, EstimateReply, FrameRequest, PoseReplies, PoseReply,
     PoseRequest,
 };
+use calibration::CalibrationKind;
 use compute::Terms;
+use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
 use sequences::Sequences;
 use workers::Workers;
@@ -30,6 +34,7 @@ pub struct Service {
     store: Store,
     workers: Workers,
     sequences: Sequences,
+    jobs: Jobs,
     known: Arc<Known>,
 }
 
@@ -39,10 +44,20 @@ impl Service {
     /// # Errors
     /// If the store cannot be opened or a thread cannot be started.
     pub async fn start(settings: Settings) -> Result<Self, Fault> {
+        let calibrations = CalibrationKind { limits: settings.frames.limits() };
+        Self::with_kinds(settings, vec![Arc::new(calibrations)]).await
+    }
+
+    /// The same with these kinds of jobs.
+    ///
+    /// # Errors
+    /// If the store cannot be opened or a thread cannot be started.
+    pub async fn with_kinds(settings: Settings, kinds: Vec<Arc<dyn Kind>>) -> Result<Self, Fault> {
         let store = Store::open(&settings.store.data).await?;
         let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
         let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
-        Ok(Self { settings, store, workers, sequences, known: Arc::default() })
+        let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
+        Ok(Self { settings, store, workers, sequences, jobs, known: Arc::default() })
     }
 
     /// The settings.
@@ -57,13 +72,20 @@ impl Service {
         &self.store
     }
 
+    /// Long work.
+    #[must_use]
+    pub const fn jobs(&self) -> &Jobs {
+        &self.jobs
+    }
+
     /// Whether requests can be answered.
     pub async fn is_ready(&self) -> bool {
         self.store.is_ready().await
     }
 
-    /// Closes the store.
+    /// Waits for the steps of jobs that were begun, and closes the store.
     pub async fn close(&self) {
+        self.jobs.drain(Duration::from_millis(self.settings.http.drain_ms)).await;
         self.store.close().await;
     }
 

@@ -1,4 +1,8 @@
-//! Cameras and targets by name, in one SQLite file.
+//! Cameras and targets by name, and jobs, in one SQLite file.
+
+pub mod jobs;
+pub mod presence;
+pub mod queue;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,6 +11,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 
 use super::fault::{Fault, FaultKind};
+use jobs::JobStore;
+use presence::Entrance;
 
 /// The file's name under the data folder.
 const FILE: &str = "skypose.sqlite3";
@@ -67,6 +73,8 @@ pub enum Put {
 #[derive(Clone, Debug)]
 pub struct Store {
     pool: SqlitePool,
+    /// For what may be lost with the power: who is at which step.
+    fleeting: SqlitePool,
     changes: Arc<AtomicU64>,
 }
 
@@ -77,15 +85,26 @@ impl Store {
     /// If the folder cannot be made, or the file cannot be opened or is of a newer version.
     pub async fn open(folder: &Path) -> Result<Self, StoreError> {
         std::fs::create_dir_all(folder)?;
+        let _entrance = Entrance::pass(folder).await?;
         let options = SqliteConnectOptions::new()
             .filename(folder.join(FILE))
             .create_if_missing(true)
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Full)
             .busy_timeout(std::time::Duration::from_secs(5));
-        let pool = SqlitePoolOptions::new().max_connections(4).connect_with(options).await?;
+        let pool = SqlitePoolOptions::new().max_connections(4).connect_with(options.clone()).await?;
+        let fleeting = SqlitePoolOptions::new()
+            .max_connections(2)
+            .connect_lazy_with(options.synchronous(SqliteSynchronous::Normal));
         sqlx::migrate!("src/shell/store/migrations").run(&pool).await?;
-        Ok(Self { pool, changes: Arc::default() })
+        queue::migrate(&pool).await?;
+        Ok(Self { pool, fleeting, changes: Arc::default() })
+    }
+
+    /// Its jobs.
+    #[must_use]
+    pub fn jobs(&self) -> JobStore {
+        JobStore::new(self.pool.clone(), self.fleeting.clone())
     }
 
     /// How often this process has changed something: what was read at one count holds until the next.
@@ -179,6 +198,7 @@ impl Store {
 
     /// Closes the file.
     pub async fn close(&self) {
+        self.fleeting.close().await;
         self.pool.close().await;
     }
 }
@@ -215,6 +235,12 @@ pub enum StoreError {
     /// A version of the file that this program does not know.
     #[error("store: {0}")]
     Migration(#[from] sqlx::migrate::MigrateError),
+    /// The job library.
+    #[error("queue: {0}")]
+    Queue(#[from] apalis_sqlite::Error),
+    /// What is stored is not what was written.
+    #[error("store: {0}")]
+    Content(#[from] serde_json::Error),
     /// The folder.
     #[error("data folder: {0}")]
     Folder(#[from] std::io::Error),
@@ -224,7 +250,11 @@ impl From<StoreError> for Fault {
     fn from(error: StoreError) -> Self {
         let kind = match error {
             StoreError::Precondition { .. } => FaultKind::PreconditionFailed,
-            StoreError::Database(_) | StoreError::Migration(_) | StoreError::Folder(_) => FaultKind::Internal,
+            StoreError::Database(_)
+            | StoreError::Migration(_)
+            | StoreError::Queue(_)
+            | StoreError::Content(_)
+            | StoreError::Folder(_) => FaultKind::Internal,
         };
         Self::new(kind, error.to_string())
     }

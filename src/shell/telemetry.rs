@@ -52,5 +52,8 @@ fn describe() {
     describe_counter!("skypose_shed_total", "Requests refused because the service was full.");
     describe_histogram!("skypose_stage_seconds", Unit::Seconds, "Time of each stage of a frame.");
     describe_counter!("skypose_frames_total", "Frames looked at, by what came of them.");
+    describe_gauge!("skypose_jobs", "Stored jobs, by kind and state.");
+    describe_counter!("skypose_jobs_ended_total", "Jobs that this process has ended, by kind and state.");
+    describe_histogram!("skypose_shard_seconds", Unit::Seconds, "Time of one shard of a job, by kind.");
     describe_counter!("skypose_worker_panics_total", "Requests whose computation failed by a fault of ours.");
 }

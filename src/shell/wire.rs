@@ -1,9 +1,11 @@
 //! Every serialised shape, named as in the contract, and its way into and out of the core's types.
 
 pub mod assessment;
+pub mod calibration;
 pub mod camera;
 pub mod detector;
 pub mod frame;
+pub mod job;
 pub mod pose;
 pub mod prior;
 pub mod problem;
@@ -16,9 +18,11 @@ use serde::de::DeserializeOwned;
 use super::fault::{Fault, FaultKind};
 
 pub use assessment::{AssessmentReply, AssessmentRequest};
+pub use calibration::CalibrationRequest;
 pub use camera::{CameraWire, DistortionWire};
 pub use detector::DetectorWire;
 pub use frame::FrameRequest;
+pub use job::{JobEventWire, JobWire};
 pub use pose::{PoseBatch, PoseReplies, PoseReply, PoseRequest, PoseWire};
 pub use prior::PriorWire;
 pub use problem::Problem;

@@ -15,6 +15,8 @@ async fn the_document_and_its_page_are_served_without_the_internet() {
         "/v1/cameras/{name}",
         "/v1/targets",
         "/v1/targets/assessment",
+        "/v1/calibrations",
+        "/v1/calibrations/{id}/events",
         "/healthz",
         "/metrics",
     ] {

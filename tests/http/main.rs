@@ -9,8 +9,10 @@
 
 mod api;
 mod assessments;
+mod calibrations;
 mod faults;
 mod frames;
+mod killed;
 mod life;
 mod poses;
 mod sequences;

@@ -1,5 +1,6 @@
 //! A service of its own for each test, and a client.
 
+use std::path::PathBuf;
 use std::sync::LazyLock;
 use std::time::Duration;
 
@@ -24,7 +25,7 @@ pub struct Station {
     pub http: reqwest::Client,
     pub stopper: Stopper,
     pub serving: JoinHandle<std::io::Result<()>>,
-    _data: TempDir,
+    folder: TempDir,
 }
 
 /// A reply read to its end.
@@ -53,7 +54,7 @@ impl Station {
         let stopper = server.stopper();
         let serving = tokio::spawn(server.run());
         let http = reqwest::Client::builder().timeout(Duration::from_secs(30)).build().expect("a client");
-        Self { base, http, stopper, serving, _data: data }
+        Self { base, http, stopper, serving, folder: data }
     }
 
     /// With the demo's camera and target stored.
@@ -63,6 +64,11 @@ impl Station {
         let target = station.put("/v1/targets/wing-six", &json!(TargetWire::from(&wing().target))).await;
         assert_eq!((camera.status, target.status), (StatusCode::CREATED, StatusCode::CREATED));
         station
+    }
+
+    /// Where it stores everything.
+    pub fn data(&self) -> PathBuf {
+        self.folder.path().join("data")
     }
 
     pub fn request(&self, method: Method, path: &str) -> RequestBuilder {

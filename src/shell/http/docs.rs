@@ -26,6 +26,7 @@ use super::App;
         (name = "Frames", description = "Frame to centroids and poses"),
         (name = "Poses", description = "Points to pose"),
         (name = "Cameras", description = "Stored cameras"),
+        (name = "Calibrations", description = "Pictures of a board to a camera"),
         (name = "Targets", description = "Stored targets"),
         (name = "Health", description = "State of the service"),
     )

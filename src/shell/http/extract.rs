@@ -2,6 +2,7 @@
 
 mod frame;
 mod query;
+mod upload;
 
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, FromRequestParts, Path, Request};
@@ -12,6 +13,7 @@ use serde::de::DeserializeOwned;
 
 pub use frame::FramePost;
 pub use query::FrameQuery;
+pub use upload::receive;
 
 use super::App;
 use super::error::ApiError;

@@ -27,7 +27,17 @@ pub async fn admit(State(app): State<App>, mut request: Request, next: Next) -> 
     let _under_way = UnderWay::new();
     let deadline = Instant::now() + app.service.settings().http.deadline();
     request.extensions_mut().insert(Deadline(deadline));
-    let response = tokio::time::timeout_at(deadline.into(), next.run(request)).await;
+    within(deadline, next.run(request)).await
+}
+
+/// The same for uploads, which take longer, and have places of their own with those who keep them.
+pub async fn admit_upload(State(app): State<App>, request: Request, next: Next) -> Response {
+    let _under_way = UnderWay::new();
+    within(Instant::now() + app.service.settings().jobs.upload(), next.run(request)).await
+}
+
+async fn within(deadline: Instant, response: impl Future<Output = Response>) -> Response {
+    let response = tokio::time::timeout_at(deadline.into(), response).await;
     response.unwrap_or_else(|_| {
         let detail = "the request took longer than it may";
         ApiError(Fault::new(FaultKind::DeadlineExceeded, detail)).into_response()

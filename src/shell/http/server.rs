@@ -72,6 +72,7 @@ impl Stopper {
     /// Takes no more connections, answers what is under way, and ends; no later than the settings allow.
     pub fn stop(&self) {
         self.app.stopping.store(true, Ordering::Relaxed);
+        self.app.service.jobs().stop();
         let drain = Duration::from_millis(self.app.service.settings().http.drain_ms);
         self.handle.graceful_shutdown(Some(drain));
     }

@@ -1,0 +1,143 @@
+//! What a kind of job has to say: how many shards it has, what one of them gives, and what is made of all.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde_json::Value;
+
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::store;
+use crate::shell::store::jobs::{Job, JobFile};
+
+/// A kind of job. Each method is a function of its arguments alone, as it may be called again after a restart, elsewhere, or twice
+/// at once; all are called on threads of their own that may be kept busy.
+pub trait Kind: fmt::Debug + Send + Sync + 'static {
+    /// In a word, as it stands in the store.
+    fn name(&self) -> &'static str;
+
+    /// How many shards the job has.
+    ///
+    /// # Errors
+    /// Why the job fails.
+    fn shard_count(&self, input: &Input) -> Result<u32, Fault>;
+
+    /// Computes one shard, `number` from 0. What is wrong with a part of the input is a result too, where the rest can go on
+    /// without it.
+    ///
+    /// # Errors
+    /// Why the job fails.
+    fn run_shard(&self, input: &Input, number: u32, cancel: &Cancel) -> Result<Shard, Fault>;
+
+    /// Makes the result of those of all shards, which come in their order.
+    ///
+    /// # Errors
+    /// Why the job fails, where there is nothing else to be said.
+    fn finish(&self, input: &Input, shards: Vec<Value>, cancel: &Cancel) -> Result<Outcome, Fault>;
+}
+
+/// What a job is about.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// What was asked, checked when the job was made.
+    pub request: Value,
+    /// The files that came with it.
+    pub files: JobFolder,
+}
+
+impl Input {
+    pub(super) fn of(job: &Job, jobs: &Path) -> Self {
+        Self {
+            request: job.request.clone(),
+            files: JobFolder { path: uploads(jobs, &job.id), files: job.files.clone() },
+        }
+    }
+}
+
+/// The files that came with a job.
+#[derive(Clone, Debug)]
+pub struct JobFolder {
+    path: PathBuf,
+    files: Vec<JobFile>,
+}
+
+impl JobFolder {
+    /// Their names with who sent them, in the order in which they came.
+    pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.files.iter().map(|file| file.name.as_str())
+    }
+
+    /// The bytes of one of them.
+    ///
+    /// # Errors
+    /// If it is not there any more.
+    pub fn read(&self, number: u32) -> Result<Vec<u8>, Fault> {
+        std::fs::read(self.path.join(file_name(number as usize)))
+            .map_err(|error| Fault::new(FaultKind::Internal, format!("uploaded file {number}: {error}")))
+    }
+}
+
+/// Where the files of a job are.
+pub(super) fn uploads(jobs: &Path, id: &str) -> PathBuf {
+    jobs.join(id).join("uploads")
+}
+
+/// Where the report of a job is.
+pub(super) fn report(jobs: &Path, id: &str) -> PathBuf {
+    jobs.join(id).join("report.html")
+}
+
+/// On the disk a file has its number only: its name is the sender's affair.
+pub(super) fn file_name(number: usize) -> String {
+    format!("{number:06}")
+}
+
+/// What a shard gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shard {
+    /// For [`Kind::finish`].
+    pub result: Value,
+    /// For those who watch: `left03.jpg: 54 points`.
+    pub message: String,
+}
+
+/// What a job gives.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// For the client.
+    pub result: Value,
+    /// Why the job failed all the same.
+    pub problem: Option<Fault>,
+    /// A page for people, HTML.
+    pub report: Option<String>,
+    /// What is to be stored: only where there is no problem.
+    pub things: Vec<Thing>,
+}
+
+/// Something to be stored by name.
+#[derive(Clone, Debug)]
+pub struct Thing {
+    /// What it is.
+    pub kind: store::Kind,
+    /// Its name.
+    pub name: String,
+    /// Its content, JSON.
+    pub body: String,
+}
+
+/// Whether work is still wanted. What takes long asks now and then.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Whether to give up.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}

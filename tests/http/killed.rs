@@ -1,0 +1,117 @@
+//! The program, killed in the middle of its work and started again.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::calibrations::{form, large, request};
+
+const PICTURES: u64 = 40;
+
+/// The program in a process of its own, ended with the test.
+struct Program {
+    child: Child,
+    base: String,
+}
+
+impl Program {
+    fn start(data: &Path) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_skypose"));
+        for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("SKYPOSE_")) {
+            command.env_remove(name);
+        }
+        command.env("SKYPOSE_JOBS_THREADS", "1").args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = command.spawn().expect("starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.as_mut().expect("piped")).read_line(&mut line).expect("a line");
+        let base = line.trim().strip_prefix("listening on ").expect("the contract's words").to_owned();
+        Self { child, base }
+    }
+
+    async fn get(&self, place: &str) -> Value {
+        let text = reqwest::get(format!("{}{place}", self.base)).await.expect("an answer").text().await;
+        serde_json::from_str(&text.expect("a text")).expect("JSON")
+    }
+
+    /// Where the job is.
+    async fn post(&self) -> String {
+        let pictures = (0..PICTURES).map(|number| (format!("{number:02}.png"), large()));
+        let post = reqwest::Client::new().post(format!("{}/v1/calibrations", self.base));
+        let reply = post.multipart(form(&request(), pictures)).send().await.expect("an answer");
+        assert_eq!(reply.status(), 202);
+        reply.headers()["location"].to_str().expect("a text").to_owned()
+    }
+
+    async fn when(&self, place: &str, holds: impl Fn(&Value) -> bool) -> Value {
+        for _ in 0..12_000 {
+            let job = self.get(place).await;
+            if holds(&job) {
+                return job;
+            }
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        panic!("it never came: {}", self.get(place).await);
+    }
+
+    /// SIGKILL: no time for last words.
+    fn kill(mut self) {
+        self.child.kill().expect("it lives");
+        self.child.wait().expect("it ends");
+    }
+
+    fn terminate(mut self) {
+        let status = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
+        assert!(status.expect("kill is there").success());
+        assert!(self.child.wait().expect("it ends").success());
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn is_final(job: &Value) -> bool {
+    job["finished_us"].is_i64()
+}
+
+#[tokio::test]
+async fn a_job_whose_process_is_killed_comes_to_the_result_of_one_left_alone() {
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let data = tempfile::tempdir().expect("a folder");
+    let program = Program::start(data.path());
+    let place = program.post().await;
+    let mut done = 0;
+    // Killed at work, and again at work; the third is told to stop, which is gentler.
+    let mut program = program;
+    for end in [Program::kill as fn(Program), Program::kill, Program::terminate] {
+        let job = program.when(&place, |job| job["shards_done"].as_u64() > Some(done)).await;
+        done = job["shards_done"].as_u64().expect("a number");
+        assert!(done < PICTURES, "more pictures are needed to be killed at work: {job}");
+        end(program);
+        program = Program::start(data.path());
+        let kept = program.get(&place).await;
+        assert!(kept["shards_done"].as_u64() >= Some(done), "{done} were done: {kept}");
+    }
+    let resumed = program.when(&place, is_final).await;
+    let undisturbed = program.post().await;
+    let undisturbed = program.when(&undisturbed, is_final).await;
+    for member in ["status", "shards", "shards_done", "progress", "result", "error"] {
+        assert_eq!(resumed[member], undisturbed[member], "{member}");
+    }
+    // Each picture was told of once, however often it was looked at.
+    let events = reqwest::get(format!("{}{place}/events", program.base)).await.expect("an answer");
+    let events = events.text().await.expect("it ends");
+    for number in 0..PICTURES {
+        let told = events.matches(&format!("\"message\":\"{number:02}.png: ")).count();
+        assert_eq!(told, 1, "picture {number}: {events}");
+    }
+    let left = data.path().join("jobs").join(place.rsplit('/').next().expect("an id")).join("uploads");
+    assert!(!left.exists());
+}
