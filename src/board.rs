@@ -8,16 +8,18 @@ mod chessboard;
 mod circles;
 mod dots;
 mod name;
+pub mod print;
 pub mod shape;
 
 use nalgebra::Vector2;
 use thiserror::Error;
 
-pub use aprilgrid::AprilGrid;
+pub use aprilgrid::{AprilGrid, tag36h11};
 pub use chessboard::Chessboard;
 pub use circles::{CircleLayout, Circles};
 pub use dots::{DotSheet, Dots};
 pub use name::NameError;
+pub use print::{Paper, Print, PrintError};
 pub use shape::{Ink, Shape};
 
 use crate::geometry::{Point, space};

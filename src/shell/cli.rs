@@ -6,6 +6,7 @@ mod frames;
 mod grab;
 mod inputs;
 mod moving;
+mod pattern;
 mod pictures;
 mod points;
 mod replay;
@@ -56,6 +57,9 @@ enum Command {
     Pose(points::Pose),
     /// Tell what a constellation of markers is good for before a camera, and which marker to move.
     Assess(assess::Assess),
+    /// Draw a calibration board at true scale, as SVG or PDF.
+    #[command(after_help = pattern::EXAMPLES)]
+    Pattern(pattern::PatternSheet),
     /// Print the API document (OpenAPI, JSON).
     Openapi,
     /// Fly a target past a camera and watch it being measured, over real HTTP.
@@ -131,6 +135,7 @@ pub fn run() -> ExitCode {
         Command::Replay(command) => command.run(),
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
+        Command::Pattern(command) => command.run(),
         Command::Openapi => print_openapi(),
         Command::Demo(command) => command.run(),
     };

@@ -129,9 +129,8 @@ impl<'a> Answer<'a> {
         let sigmas = exact::settle(lattice, pyramid);
         let points = order::points(lattice, extent, self.chessboard)?;
         let seen = lattice.nodes.iter().zip(&sigmas).zip(points);
-        let mut seen: Vec<SeenPoint> = seen
-            .map(|((node, sigma_px), point)| SeenPoint { point, pixel: node.pixel, sigma_px: *sigma_px })
-            .collect();
+        let mut seen: Vec<SeenPoint> =
+            seen.map(|((node, sigma_px), point)| SeenPoint { point, pixel: node.pixel, sigma_px: *sigma_px }).collect();
         seen.sort_unstable_by_key(|seen| seen.point);
         let is_enough = 10 * seen.len() >= 5 * columns * rows;
         is_enough.then_some(seen)

@@ -7,8 +7,8 @@
 //! IEEE VR 2011; the shape of the dots makes fewer neighbours do.
 
 mod growth;
-mod start;
 mod stars;
+mod start;
 
 use super::discs::{Disc, Near, Places};
 use super::{Luma, NoBoard};

@@ -63,12 +63,8 @@ impl Plane {
         let h = factors.solve(&right);
         let (middle, fall) = (Vector2::new(h[2], h[5]), Vector2::new(h[6], h[7]));
         let linear = Matrix2::new(h[0], h[1], h[3], h[4]) - middle * fall.transpose();
-        let plane = Self {
-            about,
-            pixel: mean + middle * scale_px,
-            linear: linear * (scale_px / unit),
-            fall: fall / unit,
-        };
+        let plane =
+            Self { about, pixel: mean + middle * scale_px, linear: linear * (scale_px / unit), fall: fall / unit };
         h.iter().all(|value| value.is_finite()).then_some(plane)
     }
 
@@ -106,7 +102,10 @@ mod tests {
     fn places_go_to_the_picture_and_back() {
         let exact = |place: &Vector2<f64>| {
             let scale = 1.0 + 0.8 * place.x - 0.5 * place.y;
-            Pixel::new(300.0 + (400.0 * place.x + 90.0 * place.y) / scale, 200.0 + (350.0 * place.y - 60.0 * place.x) / scale)
+            Pixel::new(
+                300.0 + (400.0 * place.x + 90.0 * place.y) / scale,
+                200.0 + (350.0 * place.y - 60.0 * place.x) / scale,
+            )
         };
         let places = (0..16).map(|k| Vector2::new(f64::from(k % 4), f64::from(k / 4)) * 0.05);
         let sights: Vec<Sight> = places.map(|place| (place, exact(&place))).collect();

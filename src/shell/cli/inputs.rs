@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+use crate::board::Board;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::Source;
-use crate::shell::wire::{Ref, from_json};
+use crate::shell::wire::{PatternOrText, Ref, from_json};
 
 /// Names that pictures end in.
 const PICTURES: [&str; 11] = ["jpg", "jpeg", "png", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "pbm", "pnm"];
@@ -57,6 +58,19 @@ pub(super) fn given<T: DeserializeOwned>(path: &Path, stored: bool) -> Result<Re
         return Ok(Ref::Name(path.display().to_string()));
     }
     json_of(path).map(Ref::Object)
+}
+
+/// A pattern and its board: the text form, or a JSON file.
+pub(super) fn pattern_of(text: &str) -> Result<(PatternOrText, Board), Fault> {
+    let path = Path::new(text);
+    let is_file = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json")) || path.is_file();
+    let pattern = if is_file { json_of(path)? } else { PatternOrText::Text(text.into()) };
+    let board = Board::try_from(&pattern).map_err(|fault| Fault {
+        detail: if is_file { format!("{text}: {fault}") } else { fault.to_string() },
+        pointer: None,
+        ..fault
+    })?;
+    Ok((pattern, board))
 }
 
 /// The frames and videos that paths name: a file is itself, a folder its pictures and videos in the order of their names,

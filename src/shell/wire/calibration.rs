@@ -3,16 +3,17 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::PatternOrText;
 use crate::board::Board;
 use crate::shell::fault::Fault;
 use crate::shell::store::check_name;
 
 /// A calibration.
-#[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CalibrationRequest {
-    /// The board: `chessboard:9x6:0.025` (inner corners, square in metres) or another form of the command line.
-    pub pattern: String,
+    /// The board.
+    pub pattern: PatternOrText,
     /// The distortion model.
     #[serde(default)]
     pub model: ModelWire,
@@ -89,7 +90,10 @@ impl CalibrationRequest {
     /// # Errors
     /// What is wrong with it.
     pub fn board(&self) -> Result<Board, Fault> {
-        self.pattern.parse().map_err(|error: crate::board::NameError| Fault::senseless("/pattern", error.to_string()))
+        Board::try_from(&self.pattern).map_err(|fault| match fault.pointer {
+            Some(_) => fault.within("/pattern"),
+            None => fault.at("/pattern"),
+        })
     }
 
     /// Everything that can be checked before there are pictures.

@@ -7,8 +7,22 @@ use super::pyramid::Plane;
 
 /// The ring of the paper: offsets `(x, y)` of sixteen pixels, 5 px away, opposite ones eight apart.
 const RING: [(isize, isize); 16] = [
-    (2, -5), (0, -5), (-2, -5), (-4, -4), (-5, -2), (-5, 0), (-5, 2), (-4, 4),
-    (-2, 5), (0, 5), (2, 5), (4, 4), (5, 2), (5, 0), (5, -2), (4, -4),
+    (2, -5),
+    (0, -5),
+    (-2, -5),
+    (-4, -4),
+    (-5, -2),
+    (-5, 0),
+    (-5, 2),
+    (-4, 4),
+    (-2, 5),
+    (0, 5),
+    (2, 5),
+    (4, 4),
+    (5, 2),
+    (5, 0),
+    (5, -2),
+    (4, -4),
 ];
 
 /// The ring's radius, px.

@@ -191,7 +191,8 @@ impl Window {
         );
         let least = (start.place - span).map(|c| c.ceil().max(0.0));
         let most = start.place + span;
-        let most = Vector2::new(most.x.floor().min(plane.width as f64 - 1.0), most.y.floor().min(plane.height as f64 - 1.0));
+        let most =
+            Vector2::new(most.x.floor().min(plane.width as f64 - 1.0), most.y.floor().min(plane.height as f64 - 1.0));
         // Also false for what is no number.
         if !(least.x <= most.x && least.y <= most.y) {
             return None;

@@ -104,7 +104,9 @@ pub(super) fn placement(lattice: &Lattice, picture: &Luma, circles: &Circles) ->
                 };
                 let inside = turned.iter().filter(|(place, ..)| extent.holds(at(*place))).count();
                 // Strays: what the board has no place for.
-                if turned.len() - inside > turned.len() / 20 || !is_better(inside, f64::INFINITY) && !is_better(inside, 0.0) {
+                if turned.len() - inside > turned.len() / 20
+                    || !is_better(inside, f64::INFINITY) && !is_better(inside, 0.0)
+                {
                     continue;
                 }
                 if !extent.is_certain(lattice, picture, back) {
@@ -171,10 +173,7 @@ impl Lattice {
 
 fn bounds(places: impl Iterator<Item = Place>) -> Option<[Place; 2]> {
     places.map(|place| [place, place]).reduce(|[least, greatest], [place, _]| {
-        [
-            [least[0].min(place[0]), least[1].min(place[1])],
-            [greatest[0].max(place[0]), greatest[1].max(place[1])],
-        ]
+        [[least[0].min(place[0]), least[1].min(place[1])], [greatest[0].max(place[0]), greatest[1].max(place[1])]]
     })
 }
 

@@ -129,7 +129,8 @@ impl Growth<'_> {
         for _ in 0..3 {
             let off = |(place, disc, _): (Place, usize, _)| {
                 let plane = lattice.plane(place, 2, 5)?;
-                let off = plane.by_place(&steps(place)).try_inverse()? * (self.discs[disc].pixel - plane.pixel(&steps(place))?);
+                let off = plane.by_place(&steps(place)).try_inverse()?
+                    * (self.discs[disc].pixel - plane.pixel(&steps(place))?);
                 (off.norm() > STAY_GATE).then_some((off.norm(), place))
             };
             let bad: Vec<(f64, Place)> = lattice.iter().filter_map(off).collect();

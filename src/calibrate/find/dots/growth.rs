@@ -117,7 +117,8 @@ impl Growth<'_> {
         let unknown = (0..self.stars.places.len()).filter(|dot| !known.contains_key(dot));
         let expected = unknown.filter_map(|dot| {
             let place = self.stars.places[dot];
-            let mut others: Vec<usize> = self.stars.neighbours[dot].iter().copied().filter(|dot| known.contains_key(dot)).collect();
+            let mut others: Vec<usize> =
+                self.stars.neighbours[dot].iter().copied().filter(|dot| known.contains_key(dot)).collect();
             if across && others.len() < MAX_SIGHTS {
                 let distance = |dot: &usize| (self.stars.places[*dot] - place).norm_squared();
                 others = known.keys().copied().collect();
@@ -148,8 +149,12 @@ impl Growth<'_> {
         for _ in 0..4 {
             let off = |(dot, disc): (&usize, &usize)| {
                 let place = self.stars.places[*dot];
-                let others: Vec<usize> =
-                    self.stars.neighbours[*dot].iter().copied().filter(|dot| known.contains_key(dot)).take(MAX_SIGHTS).collect();
+                let others: Vec<usize> = self.stars.neighbours[*dot]
+                    .iter()
+                    .copied()
+                    .filter(|dot| known.contains_key(dot))
+                    .take(MAX_SIGHTS)
+                    .collect();
                 let (nearest, plane) = self.plane(known, &others, place)?;
                 let off_px = self.discs[*disc].pixel - plane.pixel(&place)?;
                 let off = (plane.by_place(&place).try_inverse()? * off_px).norm();

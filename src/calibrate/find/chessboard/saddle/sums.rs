@@ -89,8 +89,7 @@ pub(super) fn gather(window: &[Lanes], shape: &Shape) -> Sums {
     let mut weights = [0.0; LANES];
     add(window, &shape.0, &mut entries, &mut weights);
     let total = |lanes: &Values| lanes.iter().map(|value| f64::from(*value)).sum::<f64>();
-    let mut sums =
-        Sums { normal: SMatrix::zeros(), right: SVector::zeros(), squares: 0.0, weight: total(&weights) };
+    let mut sums = Sums { normal: SMatrix::zeros(), right: SVector::zeros(), squares: 0.0, weight: total(&weights) };
     let mut entry = entries.iter().map(total);
     for row in 0..=COUNT {
         for column in row..=COUNT {
