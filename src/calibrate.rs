@@ -5,6 +5,7 @@
 
 mod bundle;
 pub mod coverage;
+pub mod drawing;
 pub mod estimate;
 mod evidence;
 pub mod find;

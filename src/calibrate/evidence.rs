@@ -2,7 +2,7 @@
 
 use super::SeenPoint;
 use super::bundle::{Bundle, Loss, State, covariance_of};
-use super::estimate::{CalibrateOptions, Calibration, freedom_of, prior};
+use super::estimate::{CalibrateOptions, Calibration, freedom_of, less_certain, prior};
 use super::freedom::{ByParameter, Freedom, parameters_of};
 use crate::board::Board;
 use crate::camera::{Camera, Pixel};
@@ -17,7 +17,7 @@ pub(super) struct Evidence<'a> {
     pub places: Vec<usize>,
     pub views: Vec<Vec<SeenPoint>>,
     pub poses: Vec<CameraFromBoard>,
-    noise_ratio: f64,
+    scale: f64,
 }
 
 impl<'a> Evidence<'a> {
@@ -31,11 +31,12 @@ impl<'a> Evidence<'a> {
             places: Vec::new(),
             views: Vec::new(),
             poses: Vec::new(),
-            noise_ratio: found.noise_ratio,
+            scale: found.scale,
         };
         for (place, (fitted, seen)) in found.views.iter().zip(views).enumerate() {
             if let Some(pose) = fitted.camera_from_board.filter(|_| fitted.counts) {
-                let counted = seen.iter().zip(&fitted.inliers).filter(|(_, counts)| **counts).map(|(seen, _)| *seen);
+                let counted = seen.iter().zip(&fitted.inliers).filter(|(_, counts)| **counts);
+                let counted = counted.map(|(seen, _)| less_certain(seen, found.model_error_px));
                 evidence.places.push(place);
                 evidence.views.push(counted.collect());
                 evidence.poses.push(pose);
@@ -51,7 +52,7 @@ impl<'a> Evidence<'a> {
 
     /// What these views tell about the free parameters.
     pub fn information(&self) -> Option<ByParameter> {
-        let prior = prior(self.camera, self.noise_ratio);
+        let prior = prior(self.camera, self.scale);
         self.information_of(&self.views, &self.poses, prior)
     }
 
@@ -77,7 +78,7 @@ impl<'a> Evidence<'a> {
             prior,
         };
         let state = State { camera: *self.camera, parameters: parameters_of(self.camera), poses: poses.to_vec() };
-        Some(bundle.information(&state)? / self.noise_ratio.powi(2))
+        Some(bundle.information(&state)? / self.scale.powi(2))
     }
 
     /// Standard deviation of the pixels of rays all over the picture, root mean square per axis, px, of a camera of which so much is

@@ -5,6 +5,7 @@
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 use super::SeenPoint;
+use super::coverage::Stance;
 use super::evidence::Evidence;
 use crate::camera::Pixel;
 use crate::geometry::{CameraFromBoard, rotation};
@@ -14,6 +15,8 @@ use crate::geometry::{CameraFromBoard, rotation};
 pub struct NextView {
     /// Where the board is to be.
     pub camera_from_board: CameraFromBoard,
+    /// How it stands there.
+    pub stance: Stance,
     /// The corners of the sheet in the picture, px: around it, from its first.
     pub outline_px: Vec<Pixel>,
     /// Standard deviation of rays all over the picture, px: before and after that view.
@@ -51,7 +54,9 @@ pub(super) fn next_view(evidence: &Evidence<'_>) -> Option<NextView> {
         .iter()
         .filter_map(|corner| evidence.camera.project(&(pose * crate::geometry::Point::new(corner.x, corner.y, 0.0))))
         .collect();
-    Some(NextView { camera_from_board: pose, outline_px, ray_sigma_px: [before, after] })
+    let [least, greatest] = evidence.board.sheet();
+    let stance = Stance::of(&pose, &(0.5 * (least + greatest)).push(0.0));
+    Some(NextView { camera_from_board: pose, stance, outline_px, ray_sigma_px: [before, after] })
 }
 
 fn corners(evidence: &Evidence<'_>) -> [Vector2<f64>; 4] {

@@ -1,0 +1,183 @@
+//! From what the pictures show to a camera, the contract's result, and the page for people.
+
+use std::collections::BTreeMap;
+
+use super::page;
+use super::sighting::{Sighting, nothing_seen};
+use crate::calibrate::SeenPoint;
+use crate::calibrate::coverage::CELLS;
+use crate::calibrate::estimate::{CalibrateError, Calibration, MIN_POINTS, calibrate};
+use crate::calibrate::held_out::Fit;
+use crate::calibrate::report::{Report, report};
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::wire::calibration::{
+    CalibrationView, CalibrationWire, CoverageWire, ModelTrialWire, NextViewWire,
+};
+use crate::shell::wire::{CalibrationRequest, CameraWire};
+
+/// A camera with all that is said of it.
+#[derive(Clone, Debug)]
+pub struct Estimated {
+    /// The contract's result.
+    pub wire: CalibrationWire,
+    /// The page for people, self-contained HTML.
+    pub page: String,
+}
+
+/// Why there is no camera.
+#[derive(Clone, Debug)]
+pub struct Refusal {
+    /// In a word: `no_board`, `weak_geometry`, `no_fit`, `cancelled`.
+    pub reason: &'static str,
+    /// What is missing.
+    pub missing: Vec<String>,
+    /// In a sentence.
+    pub fault: Fault,
+}
+
+/// The camera of these pictures, of which the usual one has this size. `go_on` is told which share of the judgement is done, and says
+/// whether it is still wanted.
+///
+/// # Errors
+/// Why there is no camera, or none to trust.
+pub fn estimated(
+    size: Option<[u32; 2]>,
+    sightings: &[Sighting],
+    request: &CalibrationRequest,
+    go_on: &mut dyn FnMut(f64) -> bool,
+) -> Result<Estimated, Refusal> {
+    let plain = |reason, fault| Refusal { reason, missing: Vec::new(), fault };
+    let board = request.board().map_err(|fault| plain("no_board", fault))?;
+    let Some(size) = size.filter(|_| sightings.iter().any(|sighting| sighting.reason.is_none())) else {
+        return Err(plain("no_board", nothing_seen(sightings)));
+    };
+    let views: Vec<Vec<SeenPoint>> =
+        sightings.iter().map(|seen| if seen.reason.is_none() { seen.seen() } else { Vec::new() }).collect();
+    let options = request.options();
+    let found = calibrate(size, &board, &views, &options).map_err(|error| refusal_of(&error))?;
+    let mut is_wanted = true;
+    let judged = report(&board, &views, &options, &found, &mut |share| is_wanted &= go_on(share));
+    if !is_wanted {
+        return Err(plain("cancelled", Fault::new(FaultKind::Conflict, "the calibration was cancelled")));
+    }
+    if !judged.weaknesses.is_empty() && !request.force {
+        return Err(weak_geometry(judged.weaknesses.iter().map(ToString::to_string).collect()));
+    }
+    let wire = wire_of(sightings, &found, &judged);
+    let page = page::page(&board, request, sightings, &found, &judged, &wire)
+        .map_err(|error| plain("no_fit", Fault::new(FaultKind::Internal, error.to_string())))?;
+    Ok(Estimated { wire, page })
+}
+
+fn weak_geometry(missing: Vec<String>) -> Refusal {
+    let detail = format!("weak_geometry: {}. \"force\" takes the camera all the same", missing.join("; "));
+    Refusal { reason: "weak_geometry", missing, fault: Fault::new(FaultKind::Senseless, detail) }
+}
+
+fn refusal_of(error: &CalibrateError) -> Refusal {
+    match error {
+        CalibrateError::TooFewViews { .. } | CalibrateError::Open => weak_geometry(vec![error.to_string()]),
+        CalibrateError::NoFit { .. } | CalibrateError::Camera(_) => {
+            Refusal { reason: "no_fit", missing: Vec::new(), fault: Fault::new(FaultKind::Senseless, error.to_string()) }
+        }
+    }
+}
+
+fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> CalibrationWire {
+    let views: Vec<CalibrationView> = sightings
+        .iter()
+        .zip(&found.views)
+        .zip(&report.stances)
+        .map(|((seen, fitted), stance)| CalibrationView {
+            name: seen.name.clone(),
+            points: seen.points.len(),
+            inliers: fitted.inliers.iter().filter(|counts| **counts).count(),
+            counts: fitted.counts,
+            reason: seen.reason.clone().or_else(|| reason_of(fitted.counts, seen.points.len())),
+            rms_px: fitted.camera_from_board.map(|_| fitted.rms_px),
+            range_m: stance.map(|stance| stance.range_m),
+            tilt_rad: stance.map(|stance| stance.tilt_rad),
+            camera_from_board: fitted.camera_from_board.as_ref().map(Into::into),
+        })
+        .collect();
+    let names = ["fx", "fy", "cx", "cy"].iter().chain(found.camera.distortion().coefficient_names());
+    let standard_deviations: BTreeMap<String, f64> =
+        names.zip(&found.standard_deviations).map(|(name, sigma)| ((*name).to_owned(), *sigma)).collect();
+    let models = report
+        .trials
+        .all
+        .iter()
+        .map(|trial| ModelTrialWire { name: trial.name.clone(), held_out_rms_px: trial.held_out_rms_px });
+    let next_view = report.next_view.as_ref().map(|next| NextViewWire {
+        camera_from_board: (&next.camera_from_board).into(),
+        outline_px: next.outline_px.iter().map(|pixel| [pixel.x, pixel.y]).collect(),
+        range_m: next.stance.range_m,
+        tilt_rad: next.stance.tilt_rad,
+        ray_sigma_px: next.ray_sigma_px,
+    });
+    let drop: Vec<String> = report.drop.iter().map(|index| sightings[*index].name.clone()).collect();
+    CalibrationWire {
+        camera: CameraWire::from(&found.camera),
+        reprojection_rms_px: found.rms_px,
+        pixel_sigma_px: found.pixel_sigma_px,
+        noise_ratio: found.noise_ratio,
+        model_error_px: found.model_error_px,
+        standard_deviations,
+        views,
+        coverage: CoverageWire {
+            columns: CELLS[0],
+            rows: CELLS[1],
+            points: report.coverage.points.clone(),
+            share: report.coverage.share,
+            ray_sigma_px: report.ray_sigmas_px.clone(),
+        },
+        widest_turn_rad: report.widest_turn_rad,
+        models: models.collect(),
+        model_fit: match report.trials.fit {
+            Fit::Right => "right",
+            Fit::TooSmall { .. } => "too_small",
+            Fit::TooLarge { .. } => "too_large",
+            Fit::Unknown => "unknown",
+        },
+        advice: advice(report, &drop),
+        drop,
+        next_view,
+        weaknesses: report.weaknesses.iter().map(ToString::to_string).collect(),
+    }
+}
+
+fn reason_of(counts: bool, points: usize) -> Option<String> {
+    match (counts, points < MIN_POINTS) {
+        (true, _) => None,
+        (false, true) => Some(format!("{points} points are too few: {MIN_POINTS} are needed")),
+        (false, false) => Some("it does not fit the others: another camera, zoom or board, or a board that moved".into()),
+    }
+}
+
+/// What to do, the most pressing first.
+fn advice(report: &Report, drop: &[String]) -> Vec<String> {
+    let mut advice: Vec<String> = report.weaknesses.iter().map(ToString::to_string).collect();
+    match &report.trials.fit {
+        Fit::TooSmall { better, ratio } => advice.push(format!(
+            "the lens model is too small: {better} predicts other views with {:.0} % of the error",
+            100.0 * ratio
+        )),
+        Fit::TooLarge { enough, .. } => {
+            advice.push(format!("the lens model is larger than these views need: {enough} predicts other views as well"));
+        }
+        Fit::Unknown => advice.push("too few views to tell whether the lens model is right: take more".into()),
+        Fit::Right => {}
+    }
+    if !drop.is_empty() {
+        advice.push(format!("leave out {}: the error stands out", drop.join(", ")));
+    }
+    if let Some(next) = &report.next_view {
+        let [before, after] = next.ray_sigma_px;
+        advice.push(format!(
+            "of all further views one {:.2} m away and tilted by {:.0} degrees, where the report draws it, helps most: rays are then known to {after:.3} px, now {before:.3} px",
+            next.stance.range_m,
+            next.stance.tilt_rad.to_degrees()
+        ));
+    }
+    advice
+}
