@@ -38,6 +38,10 @@ const FIRST_SIDE_PX: usize = 1_300;
 /// Pictures up to this size are also looked at twice as large, for squares of few pixels: longest side, px.
 const DOUBLED_SIDE_PX: usize = 1_600;
 
+/// A board of less than this share of another's area in the picture is the other's picture on a screen or in a mirror: the larger is
+/// meant.
+const SMALL_SHARE: f64 = 0.25;
+
 /// What a ring must show of a corner of which nothing is known.
 const DEMAND: Demand = Demand { correlation: 0.8, contrast: 8.0, reach: 0.5 };
 
@@ -72,7 +76,9 @@ pub(super) fn find(picture: &Luma, chessboard: &Chessboard) -> Result<Vec<SeenPo
 struct Answer<'a> {
     chessboard: &'a Chessboard,
     points: Vec<SeenPoint>,
-    /// Boards of the right size that lie apart.
+    /// Area of the picture that they cover, px^2.
+    area_px: f64,
+    /// Boards of the right size that lie apart and are about as large in the picture.
     several: usize,
     /// The largest board of another size.
     other: Option<Extent>,
@@ -82,7 +88,7 @@ struct Answer<'a> {
 
 impl<'a> Answer<'a> {
     const fn of(chessboard: &'a Chessboard) -> Self {
-        Self { chessboard, points: Vec::new(), several: 0, other: None, found: 0 }
+        Self { chessboard, points: Vec::new(), area_px: 0.0, several: 0, other: None, found: 0 }
     }
 
     const fn need(&self) -> usize {
@@ -95,7 +101,7 @@ impl<'a> Answer<'a> {
     }
 
     fn consider(&mut self, pyramid: &Pyramid, level: &Level, ring: &Ring) {
-        let mut whole = 0;
+        let mut whole_areas_px: Vec<f64> = Vec::new();
         for mut lattice in lattices(pyramid, level, ring) {
             let extent = extent::extent(&mut lattice, pyramid);
             self.found = self.found.max(extent.count);
@@ -110,12 +116,16 @@ impl<'a> Answer<'a> {
             };
             let size = extent.size();
             let board = [self.chessboard.columns as usize, self.chessboard.rows as usize];
-            whole += usize::from(size == board || size == [board[1], board[0]]);
-            if points.len() > self.points.len() {
-                self.points = points;
+            let area_px = lattice.area_px();
+            if size == board || size == [board[1], board[0]] {
+                whole_areas_px.push(area_px);
+            }
+            if area_px > self.area_px {
+                (self.points, self.area_px) = (points, area_px);
             }
         }
-        self.several = self.several.max(whole);
+        let near = whole_areas_px.iter().filter(|area| **area > SMALL_SHARE * self.area_px).count();
+        self.several = self.several.max(near);
     }
 
     /// The board's points if the lattice is one of it.
@@ -208,3 +218,6 @@ fn corners(level: &Level, ring: &Ring) -> Vec<Corner> {
     };
     response::peaks(smooth).into_iter().filter_map(at).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -12,10 +12,10 @@ const FIRST_PX: f64 = 14.0;
 const FIRST_BLUR_PX: f64 = 0.9;
 
 /// A finer level tells no more once the blur on this one is wider, px.
-const ENOUGH_BLUR_PX: f64 = 1.1;
+const ENOUGH_BLUR_PX: f64 = 2.0;
 
-/// What no model knows: aliasing, mosaic, JPEG; px of the level of the fit.
-const FLOOR_PX: f64 = 0.01;
+/// What no model knows: mosaic, JPEG, lenses that bend more than once within a square; px of the level of the fit.
+const FLOOR_PX: f64 = 0.006;
 
 /// A corner whose fit leaves over more than this share of its contrast is covered or none.
 const MAX_NOISE: f64 = 0.22;
@@ -32,7 +32,7 @@ pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid) -> Vec<f64> {
         let width = width_px(lattice, node)?;
         let level = pyramid.level_with(width, FIRST_PX);
         let start = start(lattice, node, level, FIRST_BLUR_PX)?;
-        saddle(node, level, &start, width).map(|saddle| (saddle.0, saddle.1.blur_px * level.scale))
+        saddle(node, level, &start, width, false).map(|saddle| (saddle.0, saddle.1.blur_px * level.scale))
     });
     replace(lattice, &first);
     let blurs = kept(&first);
@@ -40,7 +40,7 @@ pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid) -> Vec<f64> {
         let blur_px = blurs[lattice.index(node.cell)?];
         let level = pyramid.level_with(blur_px, ENOUGH_BLUR_PX);
         let start = start(lattice, node, level, blur_px / level.scale)?;
-        let (node, saddle) = saddle(node, level, &start, width_px(lattice, node)?)?;
+        let (node, saddle) = saddle(node, level, &start, width_px(lattice, node)?, true)?;
         let sigma_px = saddle.sigma_px.hypot(FLOOR_PX) * level.scale;
         (sigma_px < MAX_SIGMA_PX).then_some((node, sigma_px))
     });
@@ -79,8 +79,8 @@ fn start(lattice: &Lattice, node: &Node, level: &Level, blur_px: f64) -> Option<
     })
 }
 
-fn saddle(node: &Node, level: &Level, start: &Start, width_px: f64) -> Option<(Node, Saddle)> {
-    let saddle = fit(&level.plane, start)?;
+fn saddle(node: &Node, level: &Level, start: &Start, width_px: f64, wants_sigma: bool) -> Option<(Node, Saddle)> {
+    let saddle = fit(&level.plane, start, wants_sigma)?;
     let pixel = level.to_picture(&saddle.place);
     let is_corner = saddle.noise < MAX_NOISE * saddle.contrast && (pixel - node.pixel).norm() < MAX_MOVE * width_px;
     is_corner.then(|| (Node { pixel, contrast: saddle.contrast, ..*node }, saddle))

@@ -202,6 +202,11 @@ impl Lattice {
         (count > 0.0).then(|| sum / count)
     }
 
+    /// Area of the squares about its corners, px^2.
+    pub(super) fn area_px(&self) -> f64 {
+        self.nodes.iter().filter_map(|node| self.axes(node.cell)).map(|axes| axes.determinant().abs()).sum()
+    }
+
     /// How the lines along columns' way and along rows' way bend at a cell: second differences, px.
     pub(super) fn bends(&self, cell: Cell) -> [Vector2<f64>; 2] {
         [STEPS[0], STEPS[1]].map(|step| {

@@ -30,7 +30,7 @@ pub(super) type Links = [Option<usize>; 4];
 const MAX_SLANT: f64 = 0.27;
 
 /// Corners that one looks at before it has no neighbour on a side.
-const MAX_LOOKS: usize = 240;
+const MAX_LOOKS: usize = 120;
 
 /// Contrasts of neighbours differ by no more than this factor.
 const MAX_CONTRASTS: f64 = 3.5;

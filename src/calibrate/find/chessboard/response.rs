@@ -61,7 +61,8 @@ pub(super) fn peaks(smooth: &Plane) -> Vec<[usize; 2]> {
             }
             for (x, value) in (32 * block..).zip(values) {
                 let inside = (border..width - border).contains(&x);
-                if inside && *value >= MIN_RESPONSE && is_peak(&responses, width, [x, y]) {
+                let is_strong = inside && *value >= MIN_RESPONSE;
+                if is_strong && is_peak(&responses, width, [x, y]) && has_sectors(smooth, [x, y]) {
                     found.push((*value, [x, y]));
                 }
             }
@@ -73,6 +74,19 @@ pub(super) fn peaks(smooth: &Plane) -> Vec<[usize; 2]> {
         found.sort_unstable_by_key(|(_, [x, y])| (*y, *x));
     }
     found.into_iter().map(|(_, place)| place).collect()
+}
+
+/// Differences of black and white below this are not looked at, codes.
+const MIN_CONTRAST: u8 = 8;
+
+/// Whether the ring is cut into two black and two white sectors, with a sample's room for noise: a quick look before the thorough one.
+fn has_sectors(smooth: &Plane, [x, y]: [usize; 2]) -> bool {
+    let at = |(dx, dy)| smooth.samples[y.saturating_add_signed(dy) * smooth.width + x.saturating_add_signed(dx)];
+    let ring = RING.map(at);
+    let (least, most) = ring.iter().fold((u8::MAX, 0), |(least, most), value| (least.min(*value), most.max(*value)));
+    let gray = least.midpoint(most);
+    let changes = (0..16).filter(|n| (ring[*n] > gray) != (ring[(n + 1) % 16] > gray)).count();
+    most - least >= MIN_CONTRAST && (4..=6).contains(&changes)
 }
 
 /// Among equals the last.

@@ -9,7 +9,7 @@ mod sums;
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-use self::sums::{COUNT, Lanes, Shape, Sums};
+use self::sums::{COUNT, Lanes, Shape};
 use super::pyramid::Plane;
 
 /// Where a fit begins; px of the plane.
@@ -48,15 +48,25 @@ const MAX_WINDOW_PX: f64 = 13.0;
 
 /// Passes at most, and a move that ends them, px.
 const MAX_PASSES: usize = 12;
-const SETTLED_PX: f64 = 4e-3;
+const SETTLED_PX: f64 = 0.01;
+
+/// Squared residuals that shrink by less have settled.
+const SETTLED_SHARE: f64 = 0.9;
 
 /// Edges run along the lattice to about this, sine of the angle in steps; blur is as expected to about this factor (its logarithm).
 const SLANT: f64 = 0.08;
 const BLUR_SPREAD: f64 = 0.7;
 
+/// The gray between black and white lies off their mean by about this share of half their difference: sRGB has it at 0.4.
+const CURVE: f64 = 0.4;
+
 /// Blur below this is the pixel's own, px; above this share of a square no edge is left.
 const MIN_BLUR_PX: f64 = 0.25;
 const MAX_BLUR: f64 = 0.45;
+
+/// What a lens too sharp for its pixels hides of an edge between them: px on an edge of one px, less on longer ones and for wider blur.
+const ALIASING_PX: f64 = 0.085;
+const ALIASED_BLUR_PX: f64 = 0.8;
 
 /// The picture's codes are whole numbers.
 const ROUNDING: f64 = 0.29;
@@ -65,7 +75,9 @@ type Normal = SMatrix<f64, COUNT, COUNT>;
 type Parameters = SVector<f64, COUNT>;
 
 /// The crossing near `start`; `None` where there is none or the picture ends.
-pub(super) fn fit(plane: &Plane, start: &Start) -> Option<Saddle> {
+///
+/// The deviation is right only where it is wanted: it costs a few passes more.
+pub(super) fn fit(plane: &Plane, start: &Start, wants_sigma: bool) -> Option<Saddle> {
     let window = Window::of(plane, start)?;
     // Square's widths across the edges, px: of the edge along columns, and of the one along rows.
     let area = start.axes.determinant().abs();
@@ -73,11 +85,12 @@ pub(super) fn fit(plane: &Plane, start: &Start) -> Option<Saddle> {
     let sharpness = |width: f64, blur: f64| width / (std::f64::consts::SQRT_2 * blur);
     let expected = widths.map(|width| sharpness(width, start.blur_px.min(0.3 * width)));
     let half = 0.5 * start.contrast * if start.is_black { -1.0 } else { 1.0 };
-    let mut at = Parameters::from([0.0, 0.0, expected[0], 0.0, expected[1], 0.0, half, window.mean, 0.0, 0.0]);
+    let mut at = Parameters::from([0.0, 0.0, expected[0], 0.0, expected[1], 0.0, half, window.mean, 0.0, 0.0, 0.0]);
     let mut variance = (0.1 * start.contrast).powi(2).max(ROUNDING * ROUNDING);
-    let mut last = None;
+    let (mut last, mut squares) = (None, f64::MAX);
+    let mut columns = Vec::with_capacity(window.lanes.len());
     for _ in 0..MAX_PASSES {
-        let sums = window.gather(&shape(&at));
+        let sums = sums::gather(&window.lanes, &shape(&at), &mut columns);
         let free = sums.weight - COUNT as f64;
         if !(free > 4.0) {
             return None;
@@ -91,24 +104,28 @@ pub(super) fn fit(plane: &Plane, start: &Start) -> Option<Saddle> {
         let before = corner(&at)?;
         at = moved(&at, &step, widths);
         let now = corner(&at)?;
-        last = Some((factors.inverse() * variance, variance));
-        let gone = (start.axes * (now - before)).norm();
+        last = Some((factors, variance));
         if now.amax() > WINDOW {
             return None;
         }
-        if gone < SETTLED_PX {
+        let is_still = (start.axes * (now - before)).norm() < SETTLED_PX;
+        // What is left over tells the deviation, and settles later than the place.
+        if is_still && (!wants_sigma || sums.squares > SETTLED_SHARE * squares) {
             break;
         }
+        squares = sums.squares;
     }
-    let (covariance, variance) = last?;
+    let (factors, variance) = last?;
+    let covariance = factors.inverse() * variance;
     let place = corner(&at)?;
     let spread = start.axes * place_covariance(&at, &place, &covariance)? * start.axes.transpose();
     let sharpest = (at[2] / widths[0]).abs().max((at[4] / widths[1]).abs());
     let blur_px = (std::f64::consts::SQRT_2 * sharpest).recip();
     let contrast = 2.0 * at[6] * if start.is_black { -1.0 } else { 1.0 };
+    let aliasing = ALIASING_PX * (-0.5 * (blur_px / ALIASED_BLUR_PX).powi(2)).exp() / window.edge_px.sqrt();
     let saddle = Saddle {
         place: window.middle + start.axes * place,
-        sigma_px: (0.5 * spread.trace()).sqrt(),
+        sigma_px: (0.5 * spread.trace()).sqrt().hypot(aliasing),
         blur_px,
         contrast,
         noise: variance.sqrt(),
@@ -127,7 +144,10 @@ fn expect(normal: &mut Normal, right: &mut Parameters, at: &Parameters, expected
         normal[(sharp, sharp)] += stiff;
         right[sharp] -= stiff * steep * (steep / expected).ln();
     }
-    // Light need not change, and nothing is without a number.
+    // Of a curve only so much is believed as cameras have.
+    normal[(10, 10)] += variance / (CURVE * at[6]).powi(2);
+    right[10] -= variance / (CURVE * at[6]).powi(2) * at[10];
+    // Nothing is without a number.
     for k in 0..COUNT {
         normal[(k, k)] += 1e-6 * normal[(k, k)] + 1e-9;
     }
@@ -178,6 +198,8 @@ struct Window {
     lanes: Vec<Lanes>,
     middle: Vector2<f64>,
     mean: f64,
+    /// Length of the shorter edge, px.
+    edge_px: f64,
 }
 
 impl Window {
@@ -185,6 +207,7 @@ impl Window {
     fn of(plane: &Plane, start: &Start) -> Option<Self> {
         let inverse = start.axes.try_inverse()?;
         let halves = [0, 1].map(|k| WINDOW.min(MAX_WINDOW_PX / start.axes.column(k).norm()));
+        let edge_px = 2.0 * (halves[0] * start.axes.column(0).norm()).min(halves[1] * start.axes.column(1).norm());
         let span = Vector2::new(
             start.axes[(0, 0)].abs() * halves[0] + start.axes[(0, 1)].abs() * halves[1],
             start.axes[(1, 0)].abs() * halves[0] + start.axes[(1, 1)].abs() * halves[1],
@@ -220,10 +243,6 @@ impl Window {
                 }
             }
         }
-        (weight > 0.0).then(|| Self { lanes, middle: start.place, mean: f64::from(total / weight) })
-    }
-
-    fn gather(&self, shape: &Shape) -> Sums {
-        sums::gather(&self.lanes, shape)
+        (weight > 0.0).then(|| Self { lanes, middle: start.place, mean: f64::from(total / weight), edge_px })
     }
 }

@@ -10,8 +10,9 @@ use nalgebra::{SMatrix, SVector};
 use super::edge::profile;
 
 /// Parameters of the model: place, slant and sharpness of the edge along the first way (`[0, 1, 2]`: constant, by `s`, by `t`) and of that
-/// along the second (`[3, 4, 5]`), half of white less black, mean, and the light's slopes as shares.
-pub(super) const COUNT: usize = 10;
+/// along the second (`[3, 4, 5]`), half of white less black, mean, the light's slopes as shares, and how much
+/// lighter the camera's curve makes what is between black and white.
+pub(super) const COUNT: usize = 11;
 
 /// The parameters as a pass takes them.
 #[derive(Clone, Copy, Debug)]
@@ -84,10 +85,13 @@ pub(super) struct Sums {
 /// Entries of the triangle of the normal matrix with the right side as a further column, and the squares.
 const ENTRIES: usize = (COUNT + 1) * (COUNT + 2) / 2;
 
-pub(super) fn gather(window: &[Lanes], shape: &Shape) -> Sums {
+/// `columns` is memory that is used again from pass to pass.
+pub(super) fn gather(window: &[Lanes], shape: &Shape, columns: &mut Vec<Columns>) -> Sums {
+    columns.clear();
     let mut entries = [[0.0; LANES]; ENTRIES];
     let mut weights = [0.0; LANES];
-    add(window, &shape.0, &mut entries, &mut weights);
+    differentiate(window, &shape.0, columns, &mut weights);
+    multiply(columns, &mut entries);
     let total = |lanes: &Values| lanes.iter().map(|value| f64::from(*value)).sum::<f64>();
     let mut sums = Sums { normal: SMatrix::zeros(), right: SVector::zeros(), squares: 0.0, weight: total(&weights) };
     let mut entry = entries.iter().map(total);
@@ -108,29 +112,54 @@ pub(super) fn gather(window: &[Lanes], shape: &Shape) -> Sums {
 }
 
 #[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
-fn add(window: &[Lanes], shape: &[f32; COUNT], entries: &mut [Values; ENTRIES], weights: &mut Values) {
+fn differentiate(window: &[Lanes], shape: &[f32; COUNT], columns: &mut Vec<Columns>, weights: &mut Values) {
     for lanes in window {
-        let columns = columns(lanes, shape);
-        let mut entry = 0;
-        for row in 0..=COUNT {
-            for column in row..=COUNT {
-                let sum = &mut entries[entry];
-                for k in 0..LANES {
-                    sum[k] += columns[row][k] * columns[column][k];
-                }
-                entry += 1;
-            }
-        }
+        columns.push(derivatives(lanes, shape));
         for k in 0..LANES {
             weights[k] += lanes.weights[k];
         }
     }
 }
 
+/// Sums of all products of two columns, the triangle row by row. A row at a time: its sums stay in registers.
+#[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
+fn multiply(columns: &[Columns], entries: &mut [Values; ENTRIES]) {
+    #[inline(always)]
+    fn row<const FROM: usize, const LENGTH: usize>(columns: &[Columns], entries: &mut [Values]) {
+        let mut sums = [[0.0; LANES]; LENGTH];
+        for columns in columns {
+            let first = &columns.0[FROM];
+            for (sum, column) in sums.iter_mut().zip(&columns.0[FROM..]) {
+                for k in 0..LANES {
+                    sum[k] = first[k].mul_add(column[k], sum[k]);
+                }
+            }
+        }
+        entries.iter_mut().zip(sums).for_each(|(entry, sum)| *entry = sum);
+    }
+    row::<0, 12>(columns, &mut entries[0..]);
+    row::<1, 11>(columns, &mut entries[12..]);
+    row::<2, 10>(columns, &mut entries[23..]);
+    row::<3, 9>(columns, &mut entries[33..]);
+    row::<4, 8>(columns, &mut entries[42..]);
+    row::<5, 7>(columns, &mut entries[50..]);
+    row::<6, 6>(columns, &mut entries[57..]);
+    row::<7, 5>(columns, &mut entries[63..]);
+    row::<8, 4>(columns, &mut entries[68..]);
+    row::<9, 3>(columns, &mut entries[72..]);
+    row::<10, 2>(columns, &mut entries[75..]);
+    row::<11, 1>(columns, &mut entries[77..]);
+}
+
+/// Derivatives and residual of some pixels.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+pub(super) struct Columns([Values; COUNT + 1]);
+
 /// The derivatives of the model by its parameters, and the residual, times the root of the weight.
 #[inline(always)]
-fn columns(lanes: &Lanes, shape: &[f32; COUNT]) -> [Values; COUNT + 1] {
-    let [p1, s1, t1, p2, s2, t2, half, mean, across, down] = *shape;
+fn derivatives(lanes: &Lanes, shape: &[f32; COUNT]) -> Columns {
+    let [p1, s1, t1, p2, s2, t2, half, mean, across, down, curve] = *shape;
     let mut columns = [[0.0; LANES]; COUNT + 1];
     for k in 0..LANES {
         let (s, t) = (lanes.s[k], lanes.t[k]);
@@ -138,20 +167,24 @@ fn columns(lanes: &Lanes, shape: &[f32; COUNT]) -> [Values; COUNT + 1] {
         let (first, first_slope) = profile(p1 + s1 * s + t1 * t);
         let (second, second_slope) = profile(p2 + s2 * s + t2 * t);
         let light = root * (1.0 + across * s + down * t);
-        let shade = mean + half * first * second;
-        let by_first = light * half * first_slope * second;
-        let by_second = light * half * first * second_slope;
+        let contrast = first * second;
+        let between = 1.0 - contrast * contrast;
+        let shade = mean + half * contrast + curve * between;
+        let by_contrast = light * (half - 2.0 * curve * contrast);
+        let by_first = by_contrast * first_slope * second;
+        let by_second = by_contrast * first * second_slope;
         columns[0][k] = by_first;
         columns[1][k] = by_first * s;
         columns[2][k] = by_first * t;
         columns[3][k] = by_second;
         columns[4][k] = by_second * s;
         columns[5][k] = by_second * t;
-        columns[6][k] = light * first * second;
+        columns[6][k] = light * contrast;
         columns[7][k] = light;
         columns[8][k] = root * s * shade;
         columns[9][k] = root * t * shade;
-        columns[10][k] = root * lanes.codes[k] - light * shade;
+        columns[10][k] = light * between;
+        columns[11][k] = root * lanes.codes[k] - light * shade;
     }
-    columns
+    Columns(columns)
 }
