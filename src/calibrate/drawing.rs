@@ -22,7 +22,10 @@ impl Sheet {
         );
         let mut sheet = Self { text, size: [width, height].map(f64::from) };
         let [w, h] = sheet.size;
-        sheet.add(format_args!(r##"<rect x="-0.5" y="-0.5" width="{w}" height="{h}" fill="#fff" stroke="#9aa3ad" stroke-width="{}"/>"##, w / 400.0));
+        sheet.add(format_args!(
+            r##"<rect x="-0.5" y="-0.5" width="{w}" height="{h}" fill="#fff" stroke="#9aa3ad" stroke-width="{}"/>"##,
+            w / 400.0
+        ));
         sheet
     }
 
@@ -85,7 +88,13 @@ pub fn residual_field(size: [u32; 2], views: &[Vec<SeenPoint>], found: &Calibrat
 fn nice(value: f64) -> f64 {
     let power = 10.0_f64.powf(value.log10().floor());
     let lead = value / power;
-    let step = if lead >= 5.0 { 5.0 } else if lead >= 2.0 { 2.0 } else { 1.0 };
+    let step = if lead >= 5.0 {
+        5.0
+    } else if lead >= 2.0 {
+        2.0
+    } else {
+        1.0
+    };
     step * power
 }
 

@@ -311,9 +311,8 @@ fn without_what_is_wrong<'a>(bundle: &Bundle<'a>, fit: Fit) -> Result<Kept<'a>, 
         state = least_squares.refined(state).ok_or(CalibrateError::Open)?;
         let freedom = degrees_of_freedom(&least_squares).ok_or(CalibrateError::Open)?;
         scale = (least_squares.cost(&state) / freedom).sqrt().max(1e-9);
-        let is_settled = views.iter().map(Vec::len).eq(before) && (scale - 1.0).abs() < 1e-3 * scale.max(1.0);
         let more_px = lacking_px(&least_squares, &state, freedom);
-        if is_settled || (more_px == 0.0 && views.iter().map(Vec::len).eq(before)) {
+        if more_px == 0.0 && views.iter().map(Vec::len).eq(before) {
             break;
         }
         model_error_px = model_error_px.hypot(more_px);
@@ -378,7 +377,8 @@ impl Kept<'_> {
         let mut surprise = 0.0;
         for (view, pose) in self.state.poses.iter().enumerate() {
             for seen in slices[view] {
-                let own = told(view).iter().find(|own| own.point == seen.point).map_or(seen.sigma_px, |own| own.sigma_px);
+                let own =
+                    told(view).iter().find(|own| own.point == seen.point).map_or(seen.sigma_px, |own| own.sigma_px);
                 let residual = bundle.residual(&camera, pose, seen).map_or(0.0, |residual| residual.norm_squared());
                 surprise += residual / (own * own);
             }

@@ -1,6 +1,7 @@
 //! The command line.
 
 mod assess;
+mod calibrate;
 mod demo;
 mod frames;
 mod grab;
@@ -57,6 +58,9 @@ enum Command {
     Pose(points::Pose),
     /// Tell what a constellation of markers is good for before a camera, and which marker to move.
     Assess(assess::Assess),
+    /// Make a camera of pictures of a calibration board, with a report of how far to trust it.
+    #[command(after_help = calibrate::EXAMPLES)]
+    Calibrate(calibrate::Calibrate),
     /// Draw a calibration board at true scale, as SVG or PDF.
     #[command(after_help = pattern::EXAMPLES)]
     Pattern(pattern::PatternSheet),
@@ -135,6 +139,7 @@ pub fn run() -> ExitCode {
         Command::Replay(command) => command.run(),
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
+        Command::Calibrate(command) => command.run(),
         Command::Pattern(command) => command.run(),
         Command::Openapi => print_openapi(),
         Command::Demo(command) => command.run(),

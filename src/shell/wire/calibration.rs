@@ -250,10 +250,7 @@ impl From<&CameraFromBoard> for BoardPoseWire {
     fn from(pose: &CameraFromBoard) -> Self {
         let q = UnitQuaternion::from_rotation_matrix(&pose.rotation);
         let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
-        Self {
-            quaternion_xyzw: [q.i, q.j, q.k, q.w].map(|part| sign * part),
-            translation_m: pose.translation.into(),
-        }
+        Self { quaternion_xyzw: [q.i, q.j, q.k, q.w].map(|part| sign * part), translation_m: pose.translation.into() }
     }
 }
 

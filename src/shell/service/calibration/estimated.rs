@@ -10,9 +10,7 @@ use crate::calibrate::estimate::{CalibrateError, Calibration, MIN_POINTS, calibr
 use crate::calibrate::held_out::Fit;
 use crate::calibrate::report::{Report, report};
 use crate::shell::fault::{Fault, FaultKind};
-use crate::shell::wire::calibration::{
-    CalibrationView, CalibrationWire, CoverageWire, ModelTrialWire, NextViewWire,
-};
+use crate::shell::wire::calibration::{CalibrationView, CalibrationWire, CoverageWire, ModelTrialWire, NextViewWire};
 use crate::shell::wire::{CalibrationRequest, CameraWire};
 
 /// A camera with all that is said of it.
@@ -77,9 +75,11 @@ fn weak_geometry(missing: Vec<String>) -> Refusal {
 fn refusal_of(error: &CalibrateError) -> Refusal {
     match error {
         CalibrateError::TooFewViews { .. } | CalibrateError::Open => weak_geometry(vec![error.to_string()]),
-        CalibrateError::NoFit { .. } | CalibrateError::Camera(_) => {
-            Refusal { reason: "no_fit", missing: Vec::new(), fault: Fault::new(FaultKind::Senseless, error.to_string()) }
-        }
+        CalibrateError::NoFit { .. } | CalibrateError::Camera(_) => Refusal {
+            reason: "no_fit",
+            missing: Vec::new(),
+            fault: Fault::new(FaultKind::Senseless, error.to_string()),
+        },
     }
 }
 
@@ -150,7 +150,9 @@ fn reason_of(counts: bool, points: usize) -> Option<String> {
     match (counts, points < MIN_POINTS) {
         (true, _) => None,
         (false, true) => Some(format!("{points} points are too few: {MIN_POINTS} are needed")),
-        (false, false) => Some("it does not fit the others: another camera, zoom or board, or a board that moved".into()),
+        (false, false) => {
+            Some("it does not fit the others: another camera, zoom or board, or a board that moved".into())
+        }
     }
 }
 
@@ -163,7 +165,8 @@ fn advice(report: &Report, drop: &[String]) -> Vec<String> {
             100.0 * ratio
         )),
         Fit::TooLarge { enough, .. } => {
-            advice.push(format!("the lens model is larger than these views need: {enough} predicts other views as well"));
+            advice
+                .push(format!("the lens model is larger than these views need: {enough} predicts other views as well"));
         }
         Fit::Unknown => advice.push("too few views to tell whether the lens model is right: take more".into()),
         Fit::Right => {}

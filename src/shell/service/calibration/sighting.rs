@@ -29,6 +29,12 @@ pub struct Sighting {
 }
 
 impl Sighting {
+    /// Of a picture that cannot be read.
+    #[must_use]
+    pub const fn unreadable(name: String, reason: String) -> Self {
+        Self { name, size: None, points: Vec::new(), thumbnail: None, reason: Some(reason) }
+    }
+
     /// What is seen, for the estimate.
     #[must_use]
     pub fn seen(&self) -> Vec<SeenPoint> {

@@ -1,0 +1,184 @@
+//! `skypose calibrate`.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+
+use clap::Args;
+
+use super::inputs::{bytes_of, frames_of, pattern_of, unwritable};
+use super::{SettingsArgs, Stop, runtime};
+use crate::board::Board;
+use crate::frame::Limits;
+use crate::shell::console::{complain, note, print_line, progress};
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::service::calibration::estimated::{Estimated, estimated};
+use crate::shell::service::calibration::sighting::{Sighting, look, refuse_other_sizes, usual_size};
+use crate::shell::store::{Kind, Precondition, Store, check_name};
+use crate::shell::wire::CalibrationRequest;
+use crate::shell::wire::calibration::{CalibrationWire, FixedWire};
+use crate::shell::wire::camera::DistortionModel;
+
+pub(super) const EXAMPLES: &str = "Examples:
+  skypose pattern chessboard:9x6:0.025 --out board.pdf
+  skypose calibrate pictures --pattern chessboard:9x6:0.025 --report report.html --camera-out camera.json";
+
+#[derive(Args, Debug)]
+pub(super) struct Calibrate {
+    /// Pictures of the board, or folders of them.
+    #[arg(value_name = "FOLDER|PICTURE", required = true)]
+    inputs: Vec<PathBuf>,
+    /// The board: chessboard:9x6:0.025 (inner corners, side of a square in metres), circles:7x5:0.03, asymmetric-circles:4x11:0.02,
+    /// dots:..., aprilgrid:6x6:0.03, or a description file of `skypose pattern`.
+    #[arg(long, value_name = "PATTERN")]
+    pattern: String,
+    /// The lens: none, plumb_bob, rational_polynomial or equidistant (fisheye).
+    #[arg(long, value_name = "MODEL", default_value = "plumb_bob", value_parser = named::<DistortionModel>)]
+    model: DistortionModel,
+    /// Hold at their usual values: aspect_ratio, principal_point, and coefficients as k3; several with commas between.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = named::<FixedWire>)]
+    fix: Vec<FixedWire>,
+    /// Take the camera also from pictures that say too little.
+    #[arg(long)]
+    force: bool,
+    /// Write the result with its report as JSON; - prints it instead of the summary.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write the report as a page that needs nothing else.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Write the camera alone, for --camera of other commands.
+    #[arg(long, value_name = "FILE.json")]
+    camera_out: Option<PathBuf>,
+    /// Store the camera under this name in the folder that --data names.
+    #[arg(long, value_name = "NAME", requires = "data")]
+    name: Option<String>,
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+fn named<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
+    serde_json::from_value(serde_json::Value::String(text.into())).map_err(|error| error.to_string())
+}
+
+impl Calibrate {
+    pub(super) fn run(self) -> Result<(), Stop> {
+        let settings = self.settings.load(Vec::new())?;
+        if let Some(name) = &self.name {
+            check_name(name)?;
+        }
+        let (pattern, board) = pattern_of(&self.pattern)?;
+        let request =
+            CalibrationRequest { pattern, model: self.model, fixed: self.fix.clone(), force: self.force, name: None };
+        request.check().map_err(|fault| Fault { pointer: None, ..fault })?;
+        let paths = frames_of(&self.inputs)?;
+        let mut sightings = looked(&paths, &board, settings.frames.limits(), settings.workers.thread_count());
+        let size = usual_size(&sightings);
+        refuse_other_sizes(&mut sightings, size);
+        for sighting in sightings.iter().filter(|sighting| sighting.reason.is_some()) {
+            complain(&sighting.to_string());
+        }
+        let bar = progress(100, "judging");
+        let done = estimated(size, &sightings, &request, &mut |share| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a hundred")]
+            bar.set_position((100.0 * share) as u64);
+            true
+        });
+        bar.finish_and_clear();
+        let Estimated { wire, page } = done.map_err(|refusal| refusal.fault)?;
+        self.write(&wire, &page)
+    }
+
+    fn write(&self, wire: &CalibrationWire, page: &str) -> Result<(), Stop> {
+        let json = json_of(wire)?;
+        let camera = json_of(&wire.camera)?;
+        for (path, text) in [(&self.report, page), (&self.camera_out, camera.as_str())] {
+            if let Some(path) = path {
+                write_file(path, text)?;
+            }
+        }
+        if let (Some(name), Some(folder)) = (&self.name, &self.settings.data) {
+            runtime()?
+                .block_on(async {
+                    let store = Store::open(folder).await?;
+                    let stored = store.put(Kind::Camera, name, &camera, &Precondition::None).await;
+                    store.close().await;
+                    stored
+                })
+                .map_err(Fault::from)?;
+        }
+        match &self.json {
+            Some(path) if path.as_os_str() == "-" => return Ok(print_line(&json)?),
+            Some(path) => write_file(path, &json)?,
+            None => {}
+        }
+        print_summary(wire)?;
+        if let Some(path) = &self.report {
+            note(&format!("The report: {}", path.display()));
+        }
+        Ok(())
+    }
+}
+
+fn json_of(value: &impl serde::Serialize) -> Result<String, Fault> {
+    serde_json::to_string(value).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))
+}
+
+fn write_file(path: &Path, text: &str) -> Result<(), Fault> {
+    std::fs::write(path, text).map_err(|error| unwritable(path, &error))
+}
+
+/// The board in every picture, several at a time, in their order.
+fn looked(paths: &[PathBuf], board: &Board, limits: Limits, threads: usize) -> Vec<Sighting> {
+    let bar = progress(paths.len(), "pictures");
+    let next = AtomicUsize::new(0);
+    let (send, receive) = mpsc::channel();
+    let mut found: Vec<(usize, Sighting)> = std::thread::scope(|scope| {
+        for _ in 0..threads.min(paths.len()) {
+            let (send, next) = (send.clone(), &next);
+            scope.spawn(move || {
+                while let Some((index, path)) =
+                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|index| Some((index, paths.get(index)?)))
+                {
+                    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+                    let sighting = match bytes_of(path) {
+                        Ok(bytes) => look(name, &bytes, board, limits),
+                        Err(fault) => Sighting::unreadable(name, fault.detail),
+                    };
+                    if send.send((index, sighting)).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(send);
+        receive.into_iter().inspect(|_| bar.inc(1)).collect()
+    });
+    bar.finish_and_clear();
+    found.sort_by_key(|(index, _)| *index);
+    found.into_iter().map(|(_, sighting)| sighting).collect()
+}
+
+fn print_summary(wire: &CalibrationWire) -> Result<(), Stop> {
+    let counted = wire.views.iter().filter(|view| view.counts).count();
+    let held_out = wire.models.first().and_then(|chosen| chosen.held_out_rms_px);
+    let held_out = held_out.map(|rms| format!(", {rms:.3} px in pictures held out")).unwrap_or_default();
+    print_line(&format!(
+        "{counted} of {} pictures, reprojection error {:.3} px{held_out}",
+        wire.views.len(),
+        wire.reprojection_rms_px
+    ))?;
+    let camera = &wire.camera;
+    let lens = crate::camera::Distortion::from(camera.distortion.model);
+    let names = ["fx", "fy", "cx", "cy"].iter().chain(lens.coefficient_names());
+    let values = [camera.fx, camera.fy, camera.cx, camera.cy];
+    for (name, value) in names.zip(values.iter().chain(&camera.distortion.coefficients)) {
+        let sigma = wire.standard_deviations.get(*name).copied().unwrap_or_default();
+        let held = if sigma > 0.0 { format!(" +- {sigma:.2e}") } else { " (held)".into() };
+        print_line(&format!("  {name:<3}{value:>14.6}{held}"))?;
+    }
+    for line in &wire.advice {
+        print_line(&format!("- {line}"))?;
+    }
+    Ok(())
+}
