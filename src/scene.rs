@@ -1,5 +1,6 @@
 //! Synthetic truth: named random cases, flights, and rendered frames.
 
+pub mod boards;
 pub mod cases;
 pub mod encode;
 pub mod flight;

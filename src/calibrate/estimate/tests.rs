@@ -1,52 +1,19 @@
 //! Simulated sets with known truth.
 
-use nalgebra::{Rotation3, Vector3};
 use rand::{Rng, RngExt};
 
 use super::*;
-use crate::geometry::rotation;
+use crate::scene::boards::{STUDY_LENSES, pose_in_view, study_camera};
 use crate::random::{case, named, normal2};
 
 pub const SIZE: [u32; 2] = [640, 480];
 
 pub fn lenses() -> [Distortion; 4] {
-    [
-        Distortion::None,
-        Distortion::PlumbBob([-0.28, 0.09, 0.0012, -0.0006, 0.02]),
-        Distortion::RationalPolynomial([0.6, 0.12, 0.0008, -0.0004, 0.01, 0.95, 0.25, 0.03]),
-        Distortion::Equidistant([-0.02, 0.006, -0.003, 0.001]),
-    ]
+    STUDY_LENSES
 }
 
 pub fn truth(lens: Distortion) -> Camera {
-    let focal = if matches!(lens, Distortion::Equidistant(_)) { 270.0 } else { 530.0 };
-    Camera::checked(SIZE, [focal, 1.01 * focal], [323.0, 236.0], lens).expect("a camera")
-}
-
-/// A board held into the picture at random.
-fn pose_in_view(camera: &Camera, board: &Board, rng: &mut impl Rng) -> CameraFromBoard {
-    let [least, greatest] = board.sheet();
-    let middle = 0.5 * (least + greatest);
-    let width = greatest.x - least.x;
-    loop {
-        let direction = rng.random_range(0.0..std::f64::consts::TAU);
-        let tilt = rng.random_range(0.1..0.9_f64);
-        let turn = rotation::exp(&(Vector3::new(direction.cos(), direction.sin(), 0.0) * tilt))
-            * Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(-0.4..0.4));
-        let pixel = Vector2::new(rng.random_range(80.0..560.0), rng.random_range(60.0..420.0));
-        let Some(ray) = camera.unproject(&pixel) else { continue };
-        let depth = rng.random_range(0.9..2.2) * width * camera.focal_lengths()[0] / 500.0;
-        let centre = Vector3::new(ray.x, ray.y, 1.0).normalize() * depth;
-        let pose = CameraFromBoard::new(turn, centre - turn * Vector3::new(middle.x, middle.y, 0.0));
-        let visible = board.points().iter().all(|point| {
-            camera
-                .project(&(pose * *point))
-                .is_some_and(|pixel| (5.0..634.0).contains(&pixel.x) && (5.0..474.0).contains(&pixel.y))
-        });
-        if visible {
-            return pose;
-        }
-    }
+    study_camera(lens)
 }
 
 /// Points of so many views with noise of `sigma_px`.
