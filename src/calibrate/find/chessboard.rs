@@ -109,9 +109,7 @@ impl<'a> Answer<'a> {
                 continue;
             }
             let Some(points) = self.points_of(&mut lattice, &extent, pyramid) else {
-                if self.other.as_ref().is_none_or(|other| other.count < extent.count) {
-                    self.other = Some(extent);
-                }
+                self.consider_other(lattice, pyramid);
                 continue;
             };
             let size = extent.size();
@@ -128,6 +126,15 @@ impl<'a> Answer<'a> {
         self.several = self.several.max(near);
     }
 
+    /// A board of another size has corners that stand a close look; what clutter makes has not.
+    fn consider_other(&mut self, mut lattice: Lattice, pyramid: &Pyramid) {
+        exact::settle(&mut lattice, pyramid);
+        let extent = extent::extent(&mut lattice, pyramid);
+        if extent.is_board() && self.other.as_ref().is_none_or(|other| other.count < extent.count) {
+            self.other = Some(extent);
+        }
+    }
+
     /// The board's points if the lattice is one of it.
     fn points_of(&self, lattice: &mut Lattice, extent: &Extent, pyramid: &Pyramid) -> Option<Vec<SeenPoint>> {
         let [columns, rows] = extent.size();
@@ -139,9 +146,8 @@ impl<'a> Answer<'a> {
         let sigmas = exact::settle(lattice, pyramid);
         let points = order::points(lattice, extent, self.chessboard)?;
         let seen = lattice.nodes.iter().zip(&sigmas).zip(points);
-        let mut seen: Vec<SeenPoint> = seen
-            .map(|((node, sigma_px), point)| SeenPoint { point, pixel: node.pixel, sigma_px: *sigma_px })
-            .collect();
+        let mut seen: Vec<SeenPoint> =
+            seen.map(|((node, sigma_px), point)| SeenPoint { point, pixel: node.pixel, sigma_px: *sigma_px }).collect();
         seen.sort_unstable_by_key(|seen| seen.point);
         let is_enough = 10 * seen.len() >= 5 * columns * rows;
         is_enough.then_some(seen)

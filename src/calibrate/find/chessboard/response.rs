@@ -7,8 +7,22 @@ use super::pyramid::Plane;
 
 /// The ring of the paper: offsets `(x, y)` of sixteen pixels, 5 px away, opposite ones eight apart.
 const RING: [(isize, isize); 16] = [
-    (2, -5), (0, -5), (-2, -5), (-4, -4), (-5, -2), (-5, 0), (-5, 2), (-4, 4),
-    (-2, 5), (0, 5), (2, 5), (4, 4), (5, 2), (5, 0), (5, -2), (4, -4),
+    (2, -5),
+    (0, -5),
+    (-2, -5),
+    (-4, -4),
+    (-5, -2),
+    (-5, 0),
+    (-5, 2),
+    (-4, 4),
+    (-2, 5),
+    (0, 5),
+    (2, 5),
+    (4, 4),
+    (5, 2),
+    (5, 0),
+    (5, -2),
+    (4, -4),
 ];
 
 /// The ring's radius, px.
@@ -107,11 +121,13 @@ fn respond(ring: &[&[u8]; 16], middle: &[u8], out: &mut [i16]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pyramid::Level;
     use super::*;
 
     fn plane(dark: impl Fn(usize, usize) -> bool) -> Plane {
         let samples = (0..60 * 60).map(|at| if dark(at % 60, at / 60) { 40 } else { 200 }).collect();
-        Plane { width: 60, height: 60, samples }
+        let plane = Plane { width: 60, height: 60, samples };
+        Level::of(plane, 1.0).smooth().clone()
     }
 
     #[test]
