@@ -109,9 +109,7 @@ impl<'a> Answer<'a> {
                 continue;
             }
             let Some(points) = self.points_of(&mut lattice, &extent, pyramid) else {
-                if self.other.as_ref().is_none_or(|other| other.count < extent.count) {
-                    self.other = Some(extent);
-                }
+                self.consider_other(lattice, pyramid);
                 continue;
             };
             let size = extent.size();
@@ -126,6 +124,15 @@ impl<'a> Answer<'a> {
         }
         let near = whole_areas_px.iter().filter(|area| **area > SMALL_SHARE * self.area_px).count();
         self.several = self.several.max(near);
+    }
+
+    /// A board of another size has corners that stand a close look; what clutter makes has not.
+    fn consider_other(&mut self, mut lattice: Lattice, pyramid: &Pyramid) {
+        exact::settle(&mut lattice, pyramid);
+        let extent = extent::extent(&mut lattice, pyramid);
+        if extent.is_board() && self.other.as_ref().is_none_or(|other| other.count < extent.count) {
+            self.other = Some(extent);
+        }
     }
 
     /// The board's points if the lattice is one of it.

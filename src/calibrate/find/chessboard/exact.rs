@@ -20,6 +20,10 @@ const FLOOR_PX: f64 = 0.006;
 /// A corner whose fit leaves over more than this share of its contrast is covered or none.
 const MAX_NOISE: f64 = 0.22;
 
+/// So is one whose fit leaves over more than this multiple of the lattice's median, and a share of the contrast besides.
+const MAX_NOISES: f64 = 3.0;
+const SPARE_NOISE: f64 = 0.06;
+
 /// A fit leaves the place where the lattice has its corner by no more than this share of a square's width.
 const MAX_MOVE: f64 = 0.2;
 
@@ -32,35 +36,43 @@ pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid) -> Vec<f64> {
         let width = width_px(lattice, node)?;
         let level = pyramid.level_with(width, FIRST_PX);
         let start = start(lattice, node, level, FIRST_BLUR_PX)?;
-        saddle(node, level, &start, width, false).map(|saddle| (saddle.0, saddle.1.blur_px * level.scale))
+        let (node, saddle) = saddle(node, level, &start, width, false)?;
+        Some(Fit { node, noise: saddle.noise / saddle.contrast, px: saddle.blur_px * level.scale })
     });
-    replace(lattice, &first);
-    let blurs = kept(&first);
+    let blurs = replace(lattice, first);
     let second = fitted(lattice, |node| {
         let blur_px = blurs[lattice.index(node.cell)?];
         let level = pyramid.level_with(blur_px, ENOUGH_BLUR_PX);
         let start = start(lattice, node, level, blur_px / level.scale)?;
         let (node, saddle) = saddle(node, level, &start, width_px(lattice, node)?, true)?;
-        let sigma_px = saddle.sigma_px.hypot(FLOOR_PX) * level.scale;
-        (sigma_px < MAX_SIGMA_PX).then_some((node, sigma_px))
+        let px = saddle.sigma_px.hypot(FLOOR_PX) * level.scale;
+        (px < MAX_SIGMA_PX).then(|| Fit { node, noise: saddle.noise / saddle.contrast, px })
     });
-    replace(lattice, &second);
-    kept(&second)
+    replace(lattice, second)
 }
 
-type Fitted = Vec<Option<(Node, f64)>>;
-
-fn fitted(lattice: &Lattice, fit: impl Fn(&Node) -> Option<(Node, f64)>) -> Fitted {
-    lattice.nodes.iter().map(fit).collect()
+/// A node where its fit has it.
+struct Fit {
+    node: Node,
+    /// What the fit leaves over, as a share of the contrast.
+    noise: f64,
+    /// Blur after the first fit, deviation after the second, px of the picture.
+    px: f64,
 }
 
-fn kept(fitted: &Fitted) -> Vec<f64> {
-    fitted.iter().flatten().map(|(_, number)| *number).collect()
+fn fitted(lattice: &Lattice, fit: impl Fn(&Node) -> Option<Fit>) -> Vec<Fit> {
+    lattice.nodes.iter().filter_map(fit).collect()
 }
 
-fn replace(lattice: &mut Lattice, fitted: &Fitted) {
+/// Puts the fits into the lattice instead of what it had, without those that do not fit as well as the others.
+fn replace(lattice: &mut Lattice, mut fits: Vec<Fit>) -> Vec<f64> {
+    let mut noises: Vec<f64> = fits.iter().map(|fit| fit.noise).collect();
+    noises.sort_unstable_by(f64::total_cmp);
+    let median = noises.get(noises.len() / 2).copied().unwrap_or(0.0);
+    fits.retain(|fit| fit.noise <= MAX_NOISES * median + SPARE_NOISE);
     lattice.retain(|_| false);
-    fitted.iter().flatten().for_each(|(node, _)| lattice.insert(*node));
+    fits.iter().for_each(|fit| lattice.insert(fit.node));
+    fits.iter().map(|fit| fit.px).collect()
 }
 
 fn width_px(lattice: &Lattice, node: &Node) -> Option<f64> {

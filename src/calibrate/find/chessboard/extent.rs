@@ -20,7 +20,7 @@ impl Extent {
     /// Columns and rows.
     pub(super) fn size(&self) -> [usize; 2] {
         let [least, most] = self.bounds;
-        [0, 1].map(|k| usize::try_from(most[k] - least[k] + 1).unwrap_or(0))
+        [0, 1].map(|k| usize::try_from(most[k].saturating_sub(least[k]).saturating_add(1)).unwrap_or(0))
     }
 
     /// Whether so much of its box is seen that it is a board's.
@@ -42,7 +42,7 @@ pub(super) fn extent(lattice: &mut Lattice, pyramid: &Pyramid) -> Extent {
         let bounds = lattice.bounds();
         let count = lattice.nodes.len();
         if count < 4 {
-            return Extent { bounds, open: [false; 4], count };
+            return Extent { bounds: [[0; 2], [-1; 2]], open: [false; 4], count };
         }
         let whole = filled(lattice, bounds);
         let sparse = STEPS.into_iter().find(|step| {

@@ -121,11 +121,13 @@ fn respond(ring: &[&[u8]; 16], middle: &[u8], out: &mut [i16]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pyramid::Level;
     use super::*;
 
     fn plane(dark: impl Fn(usize, usize) -> bool) -> Plane {
         let samples = (0..60 * 60).map(|at| if dark(at % 60, at / 60) { 40 } else { 200 }).collect();
-        Plane { width: 60, height: 60, samples }
+        let plane = Plane { width: 60, height: 60, samples };
+        Level::of(plane, 1.0).smooth().clone()
     }
 
     #[test]

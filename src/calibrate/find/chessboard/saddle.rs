@@ -50,8 +50,9 @@ const MAX_WINDOW_PX: f64 = 13.0;
 const MAX_PASSES: usize = 12;
 const SETTLED_PX: f64 = 0.01;
 
-/// Squared residuals that shrink by less have settled.
-const SETTLED_SHARE: f64 = 0.9;
+/// Squared residuals that shrink to no less than this have settled, well enough to tell a corner from anything else, and well enough
+/// for a deviation.
+const SETTLED_SHARES: [f64; 2] = [0.6, 0.9];
 
 /// Edges run along the lattice to about this, sine of the angle in steps; blur is as expected to about this factor (its logarithm).
 const SLANT: f64 = 0.08;
@@ -87,6 +88,7 @@ pub(super) fn fit(plane: &Plane, start: &Start, wants_sigma: bool) -> Option<Sad
     let half = 0.5 * start.contrast * if start.is_black { -1.0 } else { 1.0 };
     let mut at = Parameters::from([0.0, 0.0, expected[0], 0.0, expected[1], 0.0, half, window.mean, 0.0, 0.0, 0.0]);
     let mut variance = (0.1 * start.contrast).powi(2).max(ROUNDING * ROUNDING);
+    let settled_share = SETTLED_SHARES[usize::from(wants_sigma)];
     let (mut last, mut squares) = (None, f64::MAX);
     let mut columns = Vec::with_capacity(window.lanes.len());
     for _ in 0..MAX_PASSES {
@@ -110,7 +112,7 @@ pub(super) fn fit(plane: &Plane, start: &Start, wants_sigma: bool) -> Option<Sad
         }
         let is_still = (start.axes * (now - before)).norm() < SETTLED_PX;
         // What is left over tells the deviation, and settles later than the place.
-        if is_still && (!wants_sigma || sums.squares > SETTLED_SHARE * squares) {
+        if is_still && sums.squares > settled_share * squares {
             break;
         }
         squares = sums.squares;
@@ -229,20 +231,9 @@ impl Window {
             bends: [bends[0].y as f32, bends[1].x as f32],
             halves: halves.map(|half| half as f32),
         };
-        let mut lanes = Vec::with_capacity((bottom - top + 1) * ((right - left) / sums::LANES + 1));
-        let (mut total, mut weight) = (0.0, 0.0);
-        for y in top..=bottom {
-            let row = &plane.row(y)[left..=right];
-            for (block, codes) in row.chunks(sums::LANES).enumerate() {
-                let lane = view.lanes(left + block * sums::LANES, y, codes);
-                let (sum, weights) = lane.sum();
-                if weights > 0.0 {
-                    total += sum;
-                    weight += weights;
-                    lanes.push(lane);
-                }
-            }
-        }
+        let lanes = sums::window(plane, [left, top], [right, bottom], &view);
+        let (total, weight) =
+            lanes.iter().map(Lanes::sum).fold((0.0, 0.0), |sum, next| (sum.0 + next.0, sum.1 + next.1));
         (weight > 0.0).then(|| Self { lanes, middle: start.place, mean: f64::from(total / weight), edge_px })
     }
 }

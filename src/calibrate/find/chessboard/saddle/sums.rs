@@ -7,6 +7,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use super::super::pyramid::Plane;
 use super::edge::profile;
 
 /// Parameters of the model: place, slant and sharpness of the edge along the first way (`[0, 1, 2]`: constant, by `s`, by `t`) and of that
@@ -56,21 +57,43 @@ pub(super) struct View {
 const RIM: f32 = 0.15;
 
 impl View {
-    pub(super) fn lanes(&self, x: usize, y: usize, codes: &[u8]) -> Lanes {
+    #[inline(always)]
+    fn lanes(&self, dx: f32, dy: f32, codes: &[u8]) -> Lanes {
         let [mut s, mut t, mut values, mut weights] = [[0.0; LANES]; 4];
-        let dy = y as f32 - self.middle[1];
-        for (k, code) in codes.iter().enumerate().take(LANES) {
-            let dx = (x + k) as f32 - self.middle[0];
+        values.iter_mut().zip(codes).for_each(|(value, code)| *value = f32::from(*code));
+        for k in 0..LANES {
+            let dx = dx + OFFSETS[k];
             let [a, b, c, d] = self.inverse;
             let (across, down) = (a * dx + b * dy, c * dx + d * dy);
             let far = (across / self.halves[0]).abs().max((down / self.halves[1]).abs());
-            weights[k] = ((1.0 - far) / RIM).clamp(0.0, 1.0);
+            weights[k] = ((1.0 - far) / RIM).clamp(0.0, 1.0) * if k < codes.len() { 1.0 } else { 0.0 };
             s[k] = across - self.bends[1] * down * down;
             t[k] = down - self.bends[0] * across * across;
-            values[k] = f32::from(*code);
         }
         Lanes { s, t, codes: values, weights }
     }
+}
+
+/// The place of a pixel among those side by side.
+const OFFSETS: Values = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+/// The pixels from `[left, top]` to `[right, bottom]` as far as they have a weight.
+#[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
+pub(super) fn window(plane: &Plane, [left, top]: [usize; 2], [right, bottom]: [usize; 2], view: &View) -> Vec<Lanes> {
+    let mut window = Vec::with_capacity((bottom - top + 1) * ((right - left) / LANES + 1));
+    for y in top..=bottom {
+        let row = &plane.row(y)[left..=right];
+        let dy = y as f32 - view.middle[1];
+        let mut dx = left as f32 - view.middle[0];
+        for codes in row.chunks(LANES) {
+            let lanes = view.lanes(dx, dy, codes);
+            if lanes.weights.iter().fold(0.0, |sum, weight| sum + weight) > 0.0 {
+                window.push(lanes);
+            }
+            dx += LANES as f32;
+        }
+    }
+    window
 }
 
 /// Of a pass.
