@@ -1,4 +1,5 @@
-//! Who takes steps out of the queue: a worker of the job library, and the next one when it has ended at an error of the store.
+//! Who takes steps out of the queue: a worker of the job library, and the next one when it has ended, which it does at any
+//! error of the store.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,6 +12,7 @@ use apalis_core::worker::builder::WorkerBuilder;
 use apalis_core::worker::context::WorkerContext;
 use futures_util::stream::{self, Stream};
 use tokio::sync::{Notify, watch};
+use tokio::task::JoinSet;
 use tower::limit::ConcurrencyLimitLayer;
 
 use super::Jobs;
@@ -36,21 +38,20 @@ pub(super) async fn run(jobs: Jobs) {
             .layer(ConcurrencyLimitLayer::new(jobs.settings().thread_count()))
             .data(jobs.clone())
             .build(take);
-        let running = worker.run();
-        tokio::pin!(running);
+        // A task of its own, which ends with this one: the library may panic, and the queue is to be read all the same.
+        let mut running = JoinSet::new();
+        running.spawn(worker.run());
         let ended = tokio::select! {
-            ended = &mut running => Some(ended),
+            ended = running.join_next() => Some(ended),
             () = stopped(&mut stop) => None,
         };
         let Some(ended) = ended else {
             if context.stop().is_ok() {
-                let _ = running.await;
+                let _ = running.join_next().await;
             }
             return;
         };
-        if let Err(error) = ended {
-            tracing::warn!(%error, "the queue of jobs cannot be read; it is tried again");
-        }
+        tracing::warn!(?ended, "the queue of jobs cannot be read; it is tried again");
         tokio::time::sleep(PAUSE).await;
         jobs.release(&name).await;
     }
