@@ -72,13 +72,12 @@ impl FixedWire {
     /// Whether the model has it.
     #[must_use]
     pub const fn is_of(self, model: ModelWire) -> bool {
-        match (self, model) {
-            (Self::AspectRatio | Self::PrincipalPoint, _) | (_, ModelWire::RationalPolynomial) => true,
-            (_, ModelWire::None) => false,
-            (Self::K1 | Self::K2 | Self::K3, _) => true,
-            (Self::P1 | Self::P2, model) => matches!(model, ModelWire::PlumbBob),
-            (Self::K4, model) => matches!(model, ModelWire::Equidistant),
-            (Self::K5 | Self::K6, _) => false,
+        match self {
+            Self::AspectRatio | Self::PrincipalPoint => true,
+            Self::K1 | Self::K2 | Self::K3 => !matches!(model, ModelWire::None),
+            Self::P1 | Self::P2 => matches!(model, ModelWire::PlumbBob | ModelWire::RationalPolynomial),
+            Self::K4 => matches!(model, ModelWire::RationalPolynomial | ModelWire::Equidistant),
+            Self::K5 | Self::K6 => matches!(model, ModelWire::RationalPolynomial),
         }
     }
 }
