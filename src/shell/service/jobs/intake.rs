@@ -133,7 +133,7 @@ impl Intake {
     pub(super) fn fingerprint(&self, request: &Value) -> String {
         let mut seen = self.seen.clone();
         seen.update(request.to_string());
-        seen.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        seen.finalize().iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"))
     }
 
     /// The files belong to a job now.

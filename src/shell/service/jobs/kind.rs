@@ -64,6 +64,7 @@ pub struct JobFolder {
 
 impl JobFolder {
     /// Their names with who sent them, in the order in which they came.
+    #[must_use]
     pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
         self.files.iter().map(|file| file.name.as_str())
     }

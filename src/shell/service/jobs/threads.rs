@@ -47,13 +47,13 @@ impl Threads {
             .spawn(compute)
             .map_err(|error| internal(format!("no thread for a job: {error}")))?;
         tokio::select! {
-            result = receiver => match result {
-                Ok(Ok(result)) => result.map(Some),
-                Ok(Err(_)) | Err(_) => {
-                    metrics::counter!("skypose_worker_panics_total").increment(1);
-                    Err(internal("the computation failed; this is a fault of ours".into()))
+            ended = receiver => {
+                if let Ok(Ok(result)) = ended {
+                    return result.map(Some);
                 }
-            },
+                metrics::counter!("skypose_worker_panics_total").increment(1);
+                Err(internal("the computation failed; this is a fault of ours".into()))
+            }
             () = unwanted => {
                 cancel.cancel();
                 Ok(None)
