@@ -3,7 +3,7 @@
 use super::growth::ring_px;
 use super::lattice::{Lattice, Node};
 use super::pyramid::{Level, Pyramid};
-use super::saddle::{Saddle, Start, fit};
+use super::saddle::{Light, Settled, Start, fit};
 
 /// A square's width on the level on which its corner is fitted first, px.
 const FIRST_PX: f64 = 14.0;
@@ -35,29 +35,26 @@ pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid) -> Vec<f64> {
     let first = fitted(lattice, |node| {
         let width = width_px(lattice, node)?;
         let level = pyramid.level_with(width, FIRST_PX);
-        let start = start(lattice, node, level, FIRST_BLUR_PX)?;
-        let (node, saddle) = saddle(node, level, &start, width, false)?;
-        Some(Fit { node, noise: saddle.noise / saddle.contrast, px: saddle.blur_px * level.scale })
+        let half = 0.5 * node.contrast * if (node.cell[0] + node.cell[1]) % 2 == 0 { -1.0 } else { 1.0 };
+        let light = Light::expected(half, FIRST_BLUR_PX * level.scale);
+        fit_of(lattice, node, level, &light, &Settled::ROUGHLY)
     });
-    let blurs = replace(lattice, first);
+    let first = replace(lattice, first);
     let second = fitted(lattice, |node| {
-        let blur_px = blurs[lattice.index(node.cell)?];
-        let level = pyramid.level_with(blur_px, ENOUGH_BLUR_PX);
-        let start = start(lattice, node, level, blur_px / level.scale)?;
-        let (node, saddle) = saddle(node, level, &start, width_px(lattice, node)?, true)?;
-        let px = saddle.sigma_px.hypot(FLOOR_PX) * level.scale;
-        (px < MAX_SIGMA_PX).then(|| Fit { node, noise: saddle.noise / saddle.contrast, px })
+        let light = &first[lattice.index(node.cell)?].light;
+        let level = pyramid.level_with(light.sharpest_px(), ENOUGH_BLUR_PX);
+        fit_of(lattice, node, level, light, &Settled::FULLY).filter(|fit| fit.sigma_px < MAX_SIGMA_PX)
     });
-    replace(lattice, second)
+    replace(lattice, second).iter().map(|fit| fit.sigma_px).collect()
 }
 
-/// A node where its fit has it.
+/// A node where its fit has it; px of the picture.
 struct Fit {
     node: Node,
     /// What the fit leaves over, as a share of the contrast.
     noise: f64,
-    /// Blur after the first fit, deviation after the second, px of the picture.
-    px: f64,
+    sigma_px: f64,
+    light: Light,
 }
 
 fn fitted(lattice: &Lattice, fit: impl Fn(&Node) -> Option<Fit>) -> Vec<Fit> {
@@ -65,14 +62,16 @@ fn fitted(lattice: &Lattice, fit: impl Fn(&Node) -> Option<Fit>) -> Vec<Fit> {
 }
 
 /// Puts the fits into the lattice instead of what it had, without those that do not fit as well as the others.
-fn replace(lattice: &mut Lattice, mut fits: Vec<Fit>) -> Vec<f64> {
+fn replace(lattice: &mut Lattice, mut fits: Vec<Fit>) -> Vec<Fit> {
     let mut noises: Vec<f64> = fits.iter().map(|fit| fit.noise).collect();
     noises.sort_unstable_by(f64::total_cmp);
     let median = noises.get(noises.len() / 2).copied().unwrap_or(0.0);
     fits.retain(|fit| fit.noise <= MAX_NOISES * median + SPARE_NOISE);
     lattice.retain(|_| false);
-    fits.iter().for_each(|fit| lattice.insert(fit.node));
-    fits.iter().map(|fit| fit.px).collect()
+    for fit in &fits {
+        lattice.insert(fit.node);
+    }
+    fits
 }
 
 fn width_px(lattice: &Lattice, node: &Node) -> Option<f64> {
@@ -80,20 +79,19 @@ fn width_px(lattice: &Lattice, node: &Node) -> Option<f64> {
     lattice.axes(node.cell).map(|axes| 2.5 * ring_px(&axes))
 }
 
-fn start(lattice: &Lattice, node: &Node, level: &Level, blur_px: f64) -> Option<Start> {
-    Some(Start {
+/// The fit on this level, `light` with its blur in px of the picture.
+fn fit_of(lattice: &Lattice, node: &Node, level: &Level, light: &Light, settled: &Settled) -> Option<Fit> {
+    let start = Start {
         place: level.of_picture(&node.pixel),
         axes: lattice.axes(node.cell)? / level.scale,
         bends: lattice.bends(node.cell).map(|bend| bend / level.scale),
-        is_black: (node.cell[0] + node.cell[1]) % 2 == 0,
-        contrast: node.contrast,
-        blur_px,
-    })
-}
-
-fn saddle(node: &Node, level: &Level, start: &Start, width_px: f64, wants_sigma: bool) -> Option<(Node, Saddle)> {
-    let saddle = fit(&level.plane, start, wants_sigma)?;
+        light: light.scaled(level.scale),
+    };
+    let saddle = fit(&level.plane, &start, settled)?;
     let pixel = level.to_picture(&saddle.place);
-    let is_corner = saddle.noise < MAX_NOISE * saddle.contrast && (pixel - node.pixel).norm() < MAX_MOVE * width_px;
-    is_corner.then(|| (Node { pixel, contrast: saddle.contrast, ..*node }, saddle))
+    let is_corner = saddle.noise < MAX_NOISE && (pixel - node.pixel).norm() < MAX_MOVE * width_px(lattice, node)?;
+    let node = Node { pixel, contrast: 2.0 * saddle.light.half.abs(), ..*node };
+    let sigma_px = saddle.sigma_px.hypot(FLOOR_PX) * level.scale;
+    let light = saddle.light.scaled(level.scale.recip());
+    is_corner.then_some(Fit { node, noise: saddle.noise, sigma_px, light })
 }

@@ -51,20 +51,17 @@ pub(super) fn extent(lattice: &mut Lattice, pyramid: &Pyramid) -> Extent {
             let possible = line.iter().filter(|cell| is_seen(&whole, pyramid, **cell)).count().max(seen);
             seen < 2 || (seen as f64) < MIN_SHARE * possible as f64
         });
-        match sparse {
-            Some(step) => {
-                let outer = line(bounds, step, 0);
-                lattice.retain(|node| !outer.contains(&node.cell));
-            }
-            None => {
-                let open = STEPS.map(|step| {
-                    let line = line(bounds, step, 1);
-                    let inside = line.iter().filter(|cell| is_seen(&whole, pyramid, **cell)).count();
-                    (inside as f64) <= MAX_INSIDE * line.len() as f64
-                });
-                return Extent { bounds, open, count };
-            }
+        if let Some(step) = sparse {
+            let outer = line(bounds, step, 0);
+            lattice.retain(|node| !outer.contains(&node.cell));
+            continue;
         }
+        let open = STEPS.map(|step| {
+            let line = line(bounds, step, 1);
+            let inside = line.iter().filter(|cell| is_seen(&whole, pyramid, **cell)).count();
+            (inside as f64) <= MAX_INSIDE * line.len() as f64
+        });
+        return Extent { bounds, open, count };
     }
 }
 
@@ -102,7 +99,9 @@ fn filled(lattice: &Lattice, [least, most]: [Cell; 2]) -> Lattice {
         if found.is_empty() {
             return whole;
         }
-        found.into_iter().for_each(|node| whole.insert(node));
+        for node in found {
+            whole.insert(node);
+        }
     }
 }
 

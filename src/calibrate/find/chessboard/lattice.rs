@@ -81,7 +81,9 @@ impl Lattice {
     pub(super) fn retain(&mut self, stays: impl Fn(&Node) -> bool) {
         let nodes = std::mem::take(&mut self.nodes);
         self.places.fill(FREE);
-        nodes.into_iter().filter(|node| stays(node)).for_each(|node| self.insert(node));
+        for node in nodes.into_iter().filter(|node| stays(node)) {
+            self.insert(node);
+        }
     }
 
     /// Least and greatest column and row.
@@ -133,7 +135,7 @@ impl Lattice {
     /// Whether the pixel is about where the neighbours have the cell, as far as they tell.
     fn is_near(&self, cell: Cell, pixel: &Pixel) -> bool {
         let Some(place) = self.predicted(cell) else { return true };
-        self.axes_about(cell).and_then(|axes| axes.try_inverse()).is_none_or(|inverse| {
+        self.axes_about(cell).and_then(Matrix2::try_inverse).is_none_or(|inverse| {
             let miss = inverse * (pixel - place);
             miss.norm() < MAX_MISS
         })

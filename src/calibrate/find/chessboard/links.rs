@@ -76,7 +76,9 @@ impl Cells {
                 y * columns + x
             })
             .collect();
-        of_corner.iter().for_each(|cell| cells.starts[cell + 1] += 1);
+        for cell in &of_corner {
+            cells.starts[cell + 1] += 1;
+        }
         for cell in 0..columns * rows {
             cells.starts[cell + 1] += cells.starts[cell];
         }
@@ -154,7 +156,7 @@ fn along(corner: &Corner, other: &Corner) -> Option<(usize, f64)> {
     let fits = slant < MAX_SLANT
         && crossing.perp(&direction).abs() > slant
         && (1.0 / MAX_CONTRASTS..MAX_CONTRASTS).contains(&ratio);
-    fits.then(|| (way, distance * (1.0 + slant)))
+    fits.then_some((way, distance * (1.0 + slant)))
 }
 
 #[cfg(test)]

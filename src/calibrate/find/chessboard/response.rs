@@ -1,6 +1,6 @@
 //! Where corners of four squares may be.
 //!
-//! Bennett and Lasenby, "ChESS - quick and robust detection of chess-board features", CVIU 2014: on a ring about such a corner, what lies
+//! Bennett and Lasenby, "`ChESS` - quick and robust detection of chess-board features", CVIU 2014: on a ring about such a corner, what lies
 //! opposite is alike and what lies a quarter further is not.
 
 use super::pyramid::Plane;
@@ -37,6 +37,11 @@ const REACH: usize = 3;
 /// Most corners that are looked at, the strongest: a board has at most 1600.
 const MAX_PEAKS: usize = 5_000;
 
+/// A corner's response is no less than one of so many parts of that of the strong ones: as much darker may a part of the board lie, before
+/// its corners are only found where the others have them coming.
+const WEAK: i16 = 12;
+const STRONG_PEAKS: usize = 16;
+
 /// Strongest responses `[x, y]`, at most [`MAX_PEAKS`].
 pub(super) fn peaks(smooth: &Plane) -> Vec<[usize; 2]> {
     let (width, height) = (smooth.width, smooth.height);
@@ -67,6 +72,11 @@ pub(super) fn peaks(smooth: &Plane) -> Vec<[usize; 2]> {
                 }
             }
         }
+    }
+    if found.len() > STRONG_PEAKS {
+        let strong = found.select_nth_unstable_by(STRONG_PEAKS, |a, b| b.cmp(a)).1.0;
+        found.retain(|(response, _)| *response >= strong / WEAK);
+        found.sort_unstable_by_key(|(_, [x, y])| (*y, *x));
     }
     if found.len() > MAX_PEAKS {
         found.select_nth_unstable_by(MAX_PEAKS, |a, b| b.cmp(a));

@@ -12,6 +12,38 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use self::sums::{COUNT, Lanes, Shape};
 use super::pyramid::Plane;
 
+/// The light about a corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Light {
+    /// Half of white less black, codes; negative where the square between the two ways is black.
+    pub half: f64,
+    /// Mean of black and white, codes; that of the window if it is not known.
+    pub mean: Option<f64>,
+    /// How it changes along the two ways, shares a step.
+    pub slopes: [f64; 2],
+    /// How much lighter the camera's curve makes what is between black and white, codes.
+    pub curve: f64,
+    /// Blur across the edges along the two ways, one standard deviation.
+    pub blurs_px: [f64; 2],
+}
+
+impl Light {
+    /// Of which nothing is known but the colours.
+    pub(super) const fn expected(half: f64, blur_px: f64) -> Self {
+        Self { half, mean: None, slopes: [0.0; 2], curve: 0.0, blurs_px: [blur_px; 2] }
+    }
+
+    /// The blur of the sharper edge.
+    pub(super) const fn sharpest_px(&self) -> f64 {
+        self.blurs_px[0].min(self.blurs_px[1])
+    }
+
+    /// On a level whose pixels are so many times as large.
+    pub(super) fn scaled(self, ratio: f64) -> Self {
+        Self { blurs_px: self.blurs_px.map(|blur| blur / ratio), ..self }
+    }
+}
+
 /// Where a fit begins; px of the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Start {
@@ -20,12 +52,8 @@ pub(super) struct Start {
     pub axes: Matrix2<f64>,
     /// Second differences along the two ways: how the lines bend.
     pub bends: [Vector2<f64>; 2],
-    /// Whether the square between the two ways is black.
-    pub is_black: bool,
-    /// White less black, codes.
-    pub contrast: f64,
-    /// Blur that is expected, one standard deviation.
-    pub blur_px: f64,
+    /// What the light is thought to be.
+    pub light: Light,
 }
 
 /// What was fitted; px of the plane.
@@ -34,25 +62,38 @@ pub(super) struct Saddle {
     pub place: Vector2<f64>,
     /// Standard deviation per axis, from what the fit leaves over.
     pub sigma_px: f64,
-    /// Blur across the sharper edge, one standard deviation.
-    pub blur_px: f64,
-    /// White less black, codes.
-    pub contrast: f64,
-    /// What the fit leaves over, one standard deviation, codes.
+    /// The light.
+    pub light: Light,
+    /// What the fit leaves over, one standard deviation, as a share of white less black.
     pub noise: f64,
+}
+
+/// How well a fit has to have settled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Settled {
+    /// A move that is none, px.
+    pub place_px: f64,
+    /// Squared residuals that shrink to no less than this share.
+    pub squares: f64,
+}
+
+impl Settled {
+    /// Well enough to tell a corner from anything else and to say how its lines bend.
+    pub(super) const ROUGHLY: Self = Self { place_px: 0.04, squares: 0.6 };
+    /// Well enough for a deviation.
+    pub(super) const FULLY: Self = Self { place_px: 0.01, squares: 0.9 };
 }
 
 /// Half width of the window in steps, and at most so many px.
 const WINDOW: f64 = 0.45;
 const MAX_WINDOW_PX: f64 = 13.0;
 
-/// Passes at most, and a move that ends them, px.
-const MAX_PASSES: usize = 12;
-const SETTLED_PX: f64 = 0.01;
+/// Where an edge shows: so many times its blur, and px besides, on either side. Most of what is farther off is left out.
+const EDGE_BLURS: f64 = 2.8;
+const EDGE_PX: f64 = 1.2;
 
-/// Squared residuals that shrink to no less than this have settled, well enough to tell a corner from anything else, and well enough
-/// for a deviation.
-const SETTLED_SHARES: [f64; 2] = [0.6, 0.9];
+/// Passes at most.
+const MAX_PASSES: usize = 12;
 
 /// Edges run along the lattice to about this, sine of the angle in steps; blur is as expected to about this factor (its logarithm).
 const SLANT: f64 = 0.08;
@@ -76,63 +117,58 @@ type Normal = SMatrix<f64, COUNT, COUNT>;
 type Parameters = SVector<f64, COUNT>;
 
 /// The crossing near `start`; `None` where there is none or the picture ends.
-///
-/// The deviation is right only where it is wanted: it costs a few passes more.
-pub(super) fn fit(plane: &Plane, start: &Start, wants_sigma: bool) -> Option<Saddle> {
+pub(super) fn fit(plane: &Plane, start: &Start, settled: &Settled) -> Option<Saddle> {
     let window = Window::of(plane, start)?;
     // Square's widths across the edges, px: of the edge along columns, and of the one along rows.
     let area = start.axes.determinant().abs();
     let widths = [area / start.axes.column(0).norm(), area / start.axes.column(1).norm()];
-    let sharpness = |width: f64, blur: f64| width / (std::f64::consts::SQRT_2 * blur);
-    let expected = widths.map(|width| sharpness(width, start.blur_px.min(0.3 * width)));
-    let half = 0.5 * start.contrast * if start.is_black { -1.0 } else { 1.0 };
-    let mut at = Parameters::from([0.0, 0.0, expected[0], 0.0, expected[1], 0.0, half, window.mean, 0.0, 0.0, 0.0]);
-    let mut variance = (0.1 * start.contrast).powi(2).max(ROUNDING * ROUNDING);
-    let settled_share = SETTLED_SHARES[usize::from(wants_sigma)];
-    let (mut last, mut squares) = (None, f64::MAX);
+    let Light { half, mean, slopes, curve, blurs_px } = start.light;
+    let sharpness = |k: usize| widths[k] / (std::f64::consts::SQRT_2 * blurs_px[k].min(0.3 * widths[k]));
+    let expected = [sharpness(0), sharpness(1)];
+    let mean = mean.unwrap_or(window.mean);
+    let mut at =
+        Parameters::from([0.0, 0.0, expected[0], 0.0, expected[1], 0.0, half, mean, slopes[0], slopes[1], curve]);
     let mut columns = Vec::with_capacity(window.lanes.len());
+    let (mut last, mut squares) = (None, f64::MAX);
     for _ in 0..MAX_PASSES {
         let sums = sums::gather(&window.lanes, &shape(&at), &mut columns);
         let free = sums.weight - COUNT as f64;
         if !(free > 4.0) {
             return None;
         }
-        variance = if last.is_some() { sums.squares / free } else { variance.max(sums.squares / free) }
-            .max(ROUNDING * ROUNDING);
+        let variance = (sums.squares / free).max(ROUNDING * ROUNDING);
         let (mut normal, mut right) = (sums.normal, sums.right);
         expect(&mut normal, &mut right, &at, expected, variance);
         let factors = normal.cholesky()?;
-        let step = factors.solve(&right);
         let before = corner(&at)?;
-        at = moved(&at, &step, widths);
+        at = moved(&at, &factors.solve(&right), widths);
         let now = corner(&at)?;
         last = Some((factors, variance));
         if now.amax() > WINDOW {
             return None;
         }
-        let is_still = (start.axes * (now - before)).norm() < SETTLED_PX;
+        let is_still = (start.axes * (now - before)).norm() < settled.place_px;
         // What is left over tells the deviation, and settles later than the place.
-        if is_still && sums.squares > settled_share * squares {
+        if is_still && sums.squares > settled.squares * squares {
             break;
         }
         squares = sums.squares;
     }
     let (factors, variance) = last?;
-    let covariance = factors.inverse() * variance;
     let place = corner(&at)?;
-    let spread = start.axes * place_covariance(&at, &place, &covariance)? * start.axes.transpose();
-    let sharpest = (at[2] / widths[0]).abs().max((at[4] / widths[1]).abs());
-    let blur_px = (std::f64::consts::SQRT_2 * sharpest).recip();
-    let contrast = 2.0 * at[6] * if start.is_black { -1.0 } else { 1.0 };
-    let aliasing = ALIASING_PX * (-0.5 * (blur_px / ALIASED_BLUR_PX).powi(2)).exp() / window.edge_px.sqrt();
+    let by_parameters = start.axes * place_by_parameters(&at, &place)?;
+    let spread = by_parameters * factors.solve(&by_parameters.transpose()) * variance;
+    let blurs_px = [(widths[0], at[2]), (widths[1], at[4])]
+        .map(|(width, sharpness)| width / (std::f64::consts::SQRT_2 * sharpness.abs()));
+    let light = Light { half: at[6], mean: Some(at[7]), slopes: [at[8], at[9]], curve: at[10], blurs_px };
+    let aliased = (-0.5 * (light.sharpest_px() / ALIASED_BLUR_PX).powi(2)).exp();
     let saddle = Saddle {
         place: window.middle + start.axes * place,
-        sigma_px: (0.5 * spread.trace()).sqrt().hypot(aliasing),
-        blur_px,
-        contrast,
-        noise: variance.sqrt(),
+        sigma_px: (0.5 * spread.trace()).sqrt().hypot(ALIASING_PX * aliased / window.edge_px.sqrt()),
+        light,
+        noise: 0.5 * variance.sqrt() / light.half.abs(),
     };
-    (saddle.sigma_px.is_finite() && contrast > 0.0).then_some(saddle)
+    (saddle.sigma_px.is_finite() && light.half * half > 0.0).then_some(saddle)
 }
 
 /// Adds what is known beforehand: edges run along the lattice and are about as blurred as expected.
@@ -178,7 +214,8 @@ fn corner(at: &Parameters) -> Option<Vector2<f64>> {
     place.iter().all(|c| c.is_finite()).then_some(place)
 }
 
-fn place_covariance(at: &Parameters, place: &Vector2<f64>, covariance: &Normal) -> Option<Matrix2<f64>> {
+/// The place's derivative by the parameters.
+fn place_by_parameters(at: &Parameters, place: &Vector2<f64>) -> Option<SMatrix<f64, 2, COUNT>> {
     let inverse = Matrix2::new(at[1], at[2], at[4], at[5]).try_inverse()?;
     let mut by = SMatrix::<f64, 2, COUNT>::zeros();
     for (edge, from) in [(0, 0), (1, 3)] {
@@ -186,8 +223,7 @@ fn place_covariance(at: &Parameters, place: &Vector2<f64>, covariance: &Normal) 
         by[(edge, from + 1)] = place.x;
         by[(edge, from + 2)] = place.y;
     }
-    let by = inverse * by;
-    Some(by * covariance * by.transpose())
+    Some(inverse * by)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "single precision is enough for a pixel")]
@@ -208,6 +244,7 @@ impl Window {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the picture")]
     fn of(plane: &Plane, start: &Start) -> Option<Self> {
         let inverse = start.axes.try_inverse()?;
+        let widths = [0, 1].map(|k| start.axes.determinant().abs() / start.axes.column(k).norm());
         let halves = [0, 1].map(|k| WINDOW.min(MAX_WINDOW_PX / start.axes.column(k).norm()));
         let edge_px = 2.0 * (halves[0] * start.axes.column(0).norm()).min(halves[1] * start.axes.column(1).norm());
         let span = Vector2::new(
@@ -230,6 +267,7 @@ impl Window {
             // Along the first way the edge moves across it, along the second likewise.
             bends: [bends[0].y as f32, bends[1].x as f32],
             halves: halves.map(|half| half as f32),
+            near: [0, 1].map(|k| (EDGE_BLURS * start.light.blurs_px[k] + EDGE_PX) as f32 / widths[k] as f32),
         };
         let lanes = sums::window(plane, [left, top], [right, bottom], &view);
         let (total, weight) =

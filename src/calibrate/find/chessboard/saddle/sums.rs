@@ -4,6 +4,7 @@
     clippy::inline_always,
     reason = "what is not inlined is not compiled for the instructions of the function that calls it"
 )]
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays")]
 
 use nalgebra::{SMatrix, SVector};
 
@@ -35,6 +36,8 @@ pub(super) struct Lanes {
 }
 
 impl Lanes {
+    const EMPTY: Self = Self { s: [0.0; LANES], t: [0.0; LANES], codes: [0.0; LANES], weights: [0.0; LANES] };
+
     /// Weighted sum of codes, and of weights.
     pub(super) fn sum(&self) -> (f32, f32) {
         let sum = self.codes.iter().zip(&self.weights).map(|(code, weight)| code * weight).sum();
@@ -51,6 +54,8 @@ pub(super) struct View {
     pub bends: [f32; 2],
     /// Half sides of the window, steps.
     pub halves: [f32; 2],
+    /// How near to the first line in `t`, and to the second in `s`, a pixel shows its edge.
+    pub near: [f32; 2],
 }
 
 /// Weights fall from one to zero over so much of the window's half width.
@@ -77,21 +82,41 @@ impl View {
 /// The place of a pixel among those side by side.
 const OFFSETS: Values = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// The pixels from `[left, top]` to `[right, bottom]` as far as they have a weight.
+/// Of the pixels that show no edge, one in so many is taken: they say how bright black and white are, and nothing else.
+const FLAT_STRIDE: usize = 5;
+
+/// The pixels from `[left, top]` to `[right, bottom]` that have a weight, without most of those that show no edge.
 #[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
 pub(super) fn window(plane: &Plane, [left, top]: [usize; 2], [right, bottom]: [usize; 2], view: &View) -> Vec<Lanes> {
     let mut window = Vec::with_capacity((bottom - top + 1) * ((right - left) / LANES + 1));
+    let mut packed = Lanes::EMPTY;
+    let mut count = 0;
     for y in top..=bottom {
         let row = &plane.row(y)[left..=right];
         let dy = y as f32 - view.middle[1];
         let mut dx = left as f32 - view.middle[0];
-        for codes in row.chunks(LANES) {
+        for (block, codes) in row.chunks(LANES).enumerate() {
             let lanes = view.lanes(dx, dy, codes);
-            if lanes.weights.iter().fold(0.0, |sum, weight| sum + weight) > 0.0 {
-                window.push(lanes);
+            for k in 0..LANES {
+                let is_near = lanes.t[k].abs() < view.near[0] || lanes.s[k].abs() < view.near[1];
+                let is_taken = is_near || (block * LANES + k + 2 * y).is_multiple_of(FLAT_STRIDE);
+                // What is not taken is written over by the next.
+                packed.s[count] = lanes.s[k];
+                packed.t[count] = lanes.t[k];
+                packed.codes[count] = lanes.codes[k];
+                packed.weights[count] = lanes.weights[k];
+                count += usize::from(is_taken && lanes.weights[k] > 0.0);
+                if count == LANES {
+                    window.push(packed);
+                    count = 0;
+                }
             }
             dx += LANES as f32;
         }
+    }
+    if count > 0 {
+        packed.weights[count..].fill(0.0);
+        window.push(packed);
     }
     window
 }
