@@ -48,7 +48,9 @@ impl Disc {
         if discs.len() > MAX_DISCS {
             let worst = discs.select_nth_unstable_by(MAX_DISCS, |a, b| a.0.total_cmp(&b.0)).1.0;
             discs.retain(|(off, _)| *off < worst);
-            discs.sort_by(|(_, a), (_, b)| (a.pixel.y, a.pixel.x).partial_cmp(&(b.pixel.y, b.pixel.x)).unwrap_or(std::cmp::Ordering::Equal));
+            discs.sort_by(|(_, a), (_, b)| {
+                (a.pixel.y, a.pixel.x).partial_cmp(&(b.pixel.y, b.pixel.x)).unwrap_or(std::cmp::Ordering::Equal)
+            });
         }
         discs.into_iter().map(|(_, disc)| disc).collect()
     }
@@ -107,7 +109,8 @@ impl Disc {
         // The root of a symmetric matrix A is (A + sqrt(det A) I) / sqrt(tr A + 2 sqrt(det A)).
         let ellipse = self.moments * 4.0;
         let root_determinant = ellipse.determinant().max(0.0).sqrt();
-        let root = (ellipse + Matrix2::identity() * root_determinant) / (ellipse.trace() + 2.0 * root_determinant).sqrt();
+        let root =
+            (ellipse + Matrix2::identity() * root_determinant) / (ellipse.trace() + 2.0 * root_determinant).sqrt();
         root.try_inverse()
     }
 }

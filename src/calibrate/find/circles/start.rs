@@ -62,7 +62,8 @@ pub(super) fn start(
             }
             // A disc in the middle of a cell: the steps are diagonals.
             let at = |way: Vector2<f64>| {
-                let nearest = ways.iter().map(|(_, to, other)| ((to - way).norm(), *other)).min_by(|a, b| a.0.total_cmp(&b.0));
+                let nearest =
+                    ways.iter().map(|(_, to, other)| ((to - way).norm(), *other)).min_by(|a, b| a.0.total_cmp(&b.0));
                 nearest.filter(|(off, _)| *off < GATE * length.min(*other_length))
             };
             if at((first + second) * 0.5).is_some() {

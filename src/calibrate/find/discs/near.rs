@@ -22,7 +22,8 @@ impl Near {
         let cell_px = (PER_CELL * (width * height) as f64 / places.len().max(1) as f64).sqrt().max(4.0);
         let cells = |side: usize| Self::index(side as f64 / cell_px, usize::MAX - 1) + 1;
         let (columns, rows) = (cells(width), cells(height));
-        let mut near = Self { cell_px, columns, rows, starts: vec![0; columns * rows + 1], members: Vec::new(), places };
+        let mut near =
+            Self { cell_px, columns, rows, starts: vec![0; columns * rows + 1], members: Vec::new(), places };
         let cells: Vec<usize> = near.places.iter().map(|place| near.cell(place)).collect();
         for cell in &cells {
             near.starts[cell + 1] += 1;
@@ -53,7 +54,12 @@ impl Near {
     }
 
     /// The nearest no further than `reach_px` for which `fits` holds.
-    pub(in super::super) fn nearest(&self, centre: Pixel, reach_px: f64, fits: impl Fn(usize) -> bool) -> Option<usize> {
+    pub(in super::super) fn nearest(
+        &self,
+        centre: Pixel,
+        reach_px: f64,
+        fits: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
         let distance = |member: &usize| (self.places[*member] - centre).norm_squared();
         self.within(centre, reach_px).filter(|member| fits(*member)).min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }

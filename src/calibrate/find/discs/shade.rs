@@ -107,7 +107,8 @@ impl Extremes {
     fn around(&self, column: usize, row: usize) -> (u8, u8) {
         let (mut least, mut most) = (u8::MAX, 0);
         for row in row.saturating_sub(1)..(row + 2).min(self.rows) {
-            let tiles = row * self.columns + column.saturating_sub(1)..row * self.columns + (column + 2).min(self.columns);
+            let tiles =
+                row * self.columns + column.saturating_sub(1)..row * self.columns + (column + 2).min(self.columns);
             least = self.least[tiles.clone()].iter().fold(least, |a, b| a.min(*b));
             most = self.most[tiles].iter().fold(most, |a, b| a.max(*b));
         }
