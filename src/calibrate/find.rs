@@ -6,6 +6,8 @@ mod circles;
 mod discs;
 mod dots;
 mod plane;
+#[cfg(test)]
+mod views;
 
 use thiserror::Error;
 

@@ -42,7 +42,31 @@ pub struct Located {
 /// The ellipse at `seed`; `chroma` is the direction of the marker's hue in the plane of (Cb, Cr). `None` where no ellipse fits.
 #[must_use]
 pub fn locate(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
-    fit::fit(frame, seed, chroma)
+    fit::fit(frame, seed, &[], chroma, &Likeness::MARKER)
+}
+
+/// How like an ellipse a rim is that is one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Likeness {
+    /// The part of an edge's height by which optics, sampling and coding bend it away from the model, as a standard deviation.
+    edge_error: f64,
+    /// How finely a sector of luma's rim is drawn at best, px.
+    floor_px: f64,
+    /// Sectors of the rim are left out, as a matter of course or where all of them together make no ellipse: beyond this scatter.
+    trim_scatter: f64,
+}
+
+impl Likeness {
+    /// A body in the air: somewhat round, before anything.
+    const MARKER: Self = Self { edge_error: 0.03, floor_px: 0.04, trim_scatter: 0.0 };
+    /// A disc in print, on white.
+    const PRINT: Self = Self { edge_error: 0.008, floor_px: 0.008, trim_scatter: 2.5 };
+}
+
+/// The dark disc on white at `seed`, as it is printed on a board; `others` are next to it and are looked past.
+#[must_use]
+pub fn locate_print(frame: &Frame, seed: &Seed, others: &[Seed]) -> Option<Located> {
+    fit::fit(frame, seed, others, None, &Likeness::PRINT)
 }
 
 #[cfg(test)]

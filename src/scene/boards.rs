@@ -49,9 +49,8 @@ pub fn pose_in_view(camera: &Camera, board: &Board, rng: &mut impl Rng) -> Camer
         let Some(ray) = camera.unproject(&pixel) else { continue };
         let centre = Vector3::new(ray.x, ray.y, 1.0).normalize() * depth;
         let pose = CameraFromBoard::new(turn, centre - turn * middle.push(0.0));
-        let inside = |pixel: &Vector2<f64>| {
-            (5.0..sides.x - 6.0).contains(&pixel.x) && (5.0..sides.y - 6.0).contains(&pixel.y)
-        };
+        let inside =
+            |pixel: &Vector2<f64>| (5.0..sides.x - 6.0).contains(&pixel.x) && (5.0..sides.y - 6.0).contains(&pixel.y);
         if board.points().iter().all(|point| camera.project(&(pose * *point)).is_some_and(|pixel| inside(&pixel))) {
             return pose;
         }

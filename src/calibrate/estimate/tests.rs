@@ -3,8 +3,8 @@
 use rand::{Rng, RngExt};
 
 use super::*;
-use crate::scene::boards::{STUDY_LENSES, pose_in_view, study_camera};
 use crate::random::{case, named, normal2};
+use crate::scene::boards::{STUDY_LENSES, pose_in_view, study_camera};
 
 pub const SIZE: [u32; 2] = [640, 480];
 

@@ -4,8 +4,10 @@ mod board;
 mod growth;
 mod lattice;
 mod start;
+#[cfg(test)]
+mod tests;
 
-use super::discs::{Disc, Places};
+use super::discs::{Disc, Near, Places};
 use super::{Luma, NoBoard};
 use crate::board::Circles;
 use crate::calibrate::SeenPoint;
@@ -16,7 +18,8 @@ use growth::lattices;
 /// The discs of the lattice that the picture shows.
 pub(super) fn find(picture: &Luma, circles: &Circles) -> Result<Vec<SeenPoint>, NoBoard> {
     let discs = Disc::all(picture);
-    let lattices = lattices(&discs, picture, circles);
+    let near = Near::of(discs.iter().map(|disc| disc.pixel).collect(), picture.width, picture.height);
+    let lattices = lattices(&discs, &near, circles);
     let need = (circles.columns * circles.rows) as usize;
     let Some(most) = lattices.iter().max_by_key(|lattice| lattice.len()) else {
         return Err(NoBoard::NotSeen { pattern: "circles", found: 0, need });
@@ -30,7 +33,7 @@ pub(super) fn find(picture: &Luma, circles: &Circles) -> Result<Vec<SeenPoint>, 
         })
         .collect();
     match boards.as_slice() {
-        [points] => placed(picture, &discs, points),
+        [points] => placed(picture, &discs, &near, points),
         [] => Err(match fits.iter().find(|fit| matches!(fit, Fit::Other { .. })) {
             Some(Fit::Other { columns: found_columns, rows: found_rows }) => NoBoard::OtherSize {
                 pattern: "circles",
@@ -46,10 +49,10 @@ pub(super) fn find(picture: &Luma, circles: &Circles) -> Result<Vec<SeenPoint>, 
 }
 
 /// Points, each the disc of that number, exactly.
-fn placed(picture: &Luma, discs: &[Disc], points: &[(usize, usize)]) -> Result<Vec<SeenPoint>, NoBoard> {
+fn placed(picture: &Luma, discs: &[Disc], near: &Near, points: &[(usize, usize)]) -> Result<Vec<SeenPoint>, NoBoard> {
     let places = Places::of(picture)?;
     let seen = points.iter().filter_map(|&(point, disc)| {
-        let (pixel, sigma_px) = places.place(&discs[disc])?;
+        let (pixel, sigma_px) = places.place(disc, discs, near)?;
         Some(SeenPoint { point, pixel, sigma_px })
     });
     Ok(seen.collect())

@@ -9,6 +9,8 @@
 mod growth;
 mod stars;
 mod start;
+#[cfg(test)]
+mod tests;
 
 use super::discs::{Disc, Near, Places};
 use super::{Luma, NoBoard};
@@ -28,7 +30,7 @@ pub(super) fn find(picture: &Luma, dots: &Dots) -> Result<Vec<SeenPoint>, NoBoar
     let known = start::starts(&growth).map_err(not_seen)?;
     let places = Places::of(picture)?;
     let seen = known.into_iter().filter_map(|(point, disc)| {
-        let (pixel, sigma_px) = places.place(&discs[disc])?;
+        let (pixel, sigma_px) = places.place(disc, &discs, &near)?;
         Some(SeenPoint { point, pixel, sigma_px })
     });
     Ok(seen.collect())

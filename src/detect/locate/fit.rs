@@ -5,8 +5,8 @@ use nalgebra::{Matrix2, Vector2, Vector4};
 use super::ellipse::Ellipse;
 use super::pass::{ChromaSums, FULL, Light, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
 use super::patch::Patch;
-use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, LUMA_FLOOR_PX, Trust, solved};
-use super::{Located, Seed};
+use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, Trust, solved};
+use super::{Likeness, Located, Seed};
 use crate::frame::Frame;
 
 /// Logarithm of the blur's variance that is expected beforehand, and its deviation: lenses are about as sharp as pixels.
@@ -33,10 +33,15 @@ const ALIASING_PX3: f64 = 2.0;
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
 
-pub(super) fn fit(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
-    // An ellipse's second moments are a quarter of its squared half axes; of a pixel they are a twelfth.
-    let matrix = ((seed.moments + Matrix2::identity() / 12.0) * 4.0).try_inverse()?;
-    let patch = Patch::around(frame, seed, chroma, &matrix)?;
+pub(super) fn fit(
+    frame: &Frame,
+    seed: &Seed,
+    others: &[Seed],
+    chroma: Option<Vector2<f64>>,
+    likeness: &Likeness,
+) -> Option<Located> {
+    let matrix = seed.form()?;
+    let patch = Patch::around(frame, seed, others, chroma, &matrix)?;
     let mut model = start(&patch, seed, matrix);
     let prior = FormMatrix::zeros();
     let mut trust = Trust::NONE;
@@ -49,11 +54,14 @@ pub(super) fn fit(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> O
             colour.add_to(&Trust::FULL, &mut normal, &mut right);
         }
         // In the first passes chroma speaks alone.
-        let sums = (chroma.is_none() || pass >= CHROMA_PASSES).then(|| gather(&patch, &model));
+        let sums = (chroma.is_none() || pass >= CHROMA_PASSES).then(|| gather(&patch, &model, likeness.edge_error));
         if let Some(sums) = &sums {
-            let luma = sums.rim.offsets(LUMA_FLOOR_PX);
+            let luma = sums.rim.offsets(likeness.floor_px);
             let is_small = model.ellipse.area_px() < SECTORED_AREA_PX;
-            trust = if is_small { luma.untrimmed(&prior) } else { luma.trust(colour.as_ref(), &prior) };
+            trust = luma.untrimmed(&prior);
+            if !is_small && trust.scatter > likeness.trim_scatter {
+                trust = luma.trust(colour.as_ref(), &prior);
+            }
             luma.add_to(&trust, &mut normal, &mut right);
             without_slopes(sums, &mut normal, &mut right);
             last = Some((normal, luma.kept(&trust)));

@@ -53,8 +53,8 @@ const SHARP_ERROR: f64 = 0.12;
 pub(super) const SHARP_BLUR: f64 = 0.1;
 
 /// The error of edges with this blur.
-fn bent(ln_blur: f64, more: f64) -> f32 {
-    single(EDGE_ERROR + SHARP_ERROR * (-(ln_blur.exp() + more) / SHARP_BLUR).exp())
+fn bent(edge_error: f64, ln_blur: f64, more: f64) -> f32 {
+    single(edge_error + SHARP_ERROR * (-(ln_blur.exp() + more) / SHARP_BLUR).exp())
 }
 
 /// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
@@ -176,10 +176,10 @@ impl RimLanes {
 
 /// Looks at every sample of `patch`.
 #[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
-pub(super) fn gather(patch: &Patch, model: &Model) -> Sums {
+pub(super) fn gather(patch: &Patch, model: &Model, edge_error: f64) -> Sums {
     let Model { ellipse, light, noise } = model;
     let noise_squared = single(noise.luma * noise.luma);
-    let bent = bent(ellipse.ln_blur, 0.0);
+    let bent = bent(edge_error, ellipse.ln_blur, 0.0);
     let [height, ground, right, down] = light.luma.map(single).map(Lanes::all).into();
     let mut rim = Rim::default();
     let mut normal = [Lanes::ZERO; 10];
@@ -255,7 +255,7 @@ pub(super) struct ChromaSums {
 pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
     let Model { ellipse, light, noise } = model;
     let noise_squared = single(noise.chroma * noise.chroma);
-    let bent = bent(ellipse.ln_blur, patch.chroma_blur);
+    let bent = bent(EDGE_ERROR, ellipse.ln_blur, patch.chroma_blur);
     let (height, ground) = (Lanes::all(single(light.chroma.x)), Lanes::all(single(light.chroma.y)));
     let weight = Lanes::all(single(patch.chroma_weight));
     let mut rim = Rim::default();

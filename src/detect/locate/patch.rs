@@ -50,6 +50,9 @@ pub(super) struct Patch {
 const INWARDS_PX: f64 = 6.0;
 const OUTWARDS_PX: f64 = 3.5;
 
+/// What is this near to the rim of another, and nearer than to the own, belongs to the other, px.
+const OTHERS_PX: f64 = 3.0;
+
 /// Where four pixels share a sample of chroma, one of them is looked at. The variance of that blur, px^2, and what the sample
 /// counts: more than once, as its noise is not the limit.
 const SHARED_BLUR: f64 = 1.5;
@@ -130,6 +133,7 @@ impl Patch {
     pub(super) fn around(
         frame: &Frame,
         seed: &Seed,
+        others: &[Seed],
         chroma: Option<Vector2<f64>>,
         matrix: &Matrix2<f64>,
     ) -> Option<Self> {
@@ -141,6 +145,8 @@ impl Patch {
         if !(near.min() >= 0.0 && origin.x < far.x && origin.y < far.y && reach.max() < MAX_REACH_PX) {
             return None;
         }
+        let others: Vec<(Vector2<f64>, Matrix2<f64>)> =
+            others.iter().filter_map(|other| Some((other.pixel - origin, other.form()?))).collect();
         let reader = Reader { frame, direction: chroma.filter(|_| !matches!(frame.pixels(), Pixels::Luma(_))) };
         let shared = frame.coding().chroma == ChromaSampling::Reduced;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the frame, as was checked")]
@@ -153,10 +159,14 @@ impl Patch {
             for x in left..=right {
                 let at = Vector2::new(x as f64, y as f64) - origin;
                 let q = at - (seed.pixel - origin);
-                let g = matrix * q;
-                let squared = q.dot(&g);
-                let from_rim = (squared - 1.0) / (2.0 * g.norm()).max(1e-9);
+                let (squared, from_rim) = from_rim(&q, matrix);
                 if !(-INWARDS_PX..OUTWARDS_PX).contains(&from_rim) {
+                    continue;
+                }
+                let is_theirs = |(middle, matrix): &(Vector2<f64>, Matrix2<f64>)| {
+                    self::from_rim(&(at - middle), matrix).1 < from_rim.min(OTHERS_PX)
+                };
+                if from_rim > 0.0 && others.iter().any(is_theirs) {
                     continue;
                 }
                 let side = match () {
@@ -184,6 +194,20 @@ impl Patch {
             min_chroma_noise: CODING_NOISE * frame.coding().chroma_step,
         })
     }
+}
+
+impl Seed {
+    /// The matrix of its ellipse: second moments are a quarter of the squared half axes; of a pixel they are a twelfth.
+    pub(super) fn form(&self) -> Option<Matrix2<f64>> {
+        ((self.moments + Matrix2::identity() / 12.0) * 4.0).try_inverse()
+    }
+}
+
+/// The square of a way from the middle of an ellipse, in its half axes, and how far beyond the rim it leads, px.
+fn from_rim(q: &Vector2<f64>, matrix: &Matrix2<f64>) -> (f64, f64) {
+    let g = matrix * q;
+    let squared = q.dot(&g);
+    (squared, (squared - 1.0) / (2.0 * g.norm()).max(1e-9))
 }
 
 /// Half a side of the largest patch, px: beyond it a marker is as well known as it will be.

@@ -43,8 +43,7 @@ impl Trust {
     pub(super) const NONE: Self = Self { of: [0.0; SECTORS], scatter: 1.0 };
 }
 
-/// How finely a sector of the rim is drawn at best, px: luma, and chroma.
-pub(super) const LUMA_FLOOR_PX: f64 = 0.04;
+/// How finely a sector of chroma's rim is drawn at best, px.
 pub(super) const CHROMA_FLOOR_PX: f64 = 0.06;
 
 impl Rim {

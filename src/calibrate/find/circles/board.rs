@@ -20,7 +20,7 @@ pub(super) enum Fit {
 const MIN_SEEN: f64 = 0.4;
 
 /// A side of a board is where it is if so many of its discs are seen.
-const SIDE: usize = 2;
+const SIDE: usize = 1;
 
 /// A place this near to the picture's border, in steps, may be hidden by it.
 const BORDER: f64 = 0.45;
@@ -197,5 +197,8 @@ fn other(nodes: &[(Place, usize, Pixel)], circles: &Circles) -> Fit {
         columns.div_ceil(per_place).abs_diff(circles.columns as usize) + rows.abs_diff(circles.rows as usize)
     };
     let (columns, rows) = if off(wide, high) <= off(high, wide) { (wide, high) } else { (high, wide) };
-    Fit::Other { columns: columns.div_ceil(per_place), rows }
+    let columns = columns.div_ceil(per_place);
+    // Of the right size, but too little of it.
+    let is_same = columns == circles.columns as usize && rows == circles.rows as usize;
+    if is_same { Fit::None } else { Fit::Other { columns, rows } }
 }

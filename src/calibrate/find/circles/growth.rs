@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::super::Luma;
 use super::super::discs::{Disc, Near};
 use super::lattice::{Lattice, Place, steps};
 use super::start::{MAX_AREA_RATIO, start};
@@ -31,8 +30,7 @@ const NEXT: i32 = 1;
 const ACROSS: i32 = 3;
 
 /// The lattices of the picture that could be a board's, the largest first.
-pub(super) fn lattices(discs: &[Disc], picture: &Luma, circles: &Circles) -> Vec<Lattice> {
-    let near = Near::of(discs.iter().map(|disc| disc.pixel).collect(), picture.width, picture.height);
+pub(super) fn lattices(discs: &[Disc], near: &Near, circles: &Circles) -> Vec<Lattice> {
     let step_m = match circles.layout {
         CircleLayout::Symmetric => circles.spacing_m,
         CircleLayout::Asymmetric => circles.spacing_m * std::f64::consts::SQRT_2,
@@ -45,8 +43,8 @@ pub(super) fn lattices(discs: &[Disc], picture: &Luma, circles: &Circles) -> Vec
         if used[disc] || found.len() >= MAX_LATTICES {
             continue;
         }
-        let Some(lattice) = start(disc, discs, &near, step_radii, |other| !used[other]) else { continue };
-        let lattice = Growth { discs, near: &near, used: &used }.grown(lattice);
+        let Some(lattice) = start(disc, discs, near, step_radii, |other| !used[other]) else { continue };
+        let lattice = Growth { discs, near, used: &used }.grown(lattice);
         if lattice.len() >= MIN_DISCS {
             lattice.iter().for_each(|(_, disc, _)| used[disc] = true);
             found.push(lattice);

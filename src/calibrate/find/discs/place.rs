@@ -1,9 +1,9 @@
 //! Exactly where a disc is.
 
 use super::super::{Luma, NoBoard};
-use super::Disc;
+use super::{Disc, Near};
 use crate::camera::Pixel;
-use crate::detect::locate::{Seed, locate};
+use crate::detect::locate::{Seed, locate_print};
 use crate::frame::{Coding, Frame, Pixels};
 
 /// A picture in which discs are placed exactly.
@@ -24,11 +24,30 @@ impl Places {
         Ok(Self { frame })
     }
 
-    /// The centroid of the disc's image and its standard deviation per axis, px; `None` where there is no ellipse.
-    pub(in super::super) fn place(&self, disc: &Disc) -> Option<(Pixel, f64)> {
-        let radius = disc.half_axes_px()[1];
-        let sigma_px = SEED_SIGMA_PX + SEED_SIGMA_RATIO * radius;
-        let located = locate(&self.frame, &Seed { pixel: disc.pixel, moments: disc.moments, sigma_px }, None)?;
+    /// The centroid of the image of a disc among others and its standard deviation per axis, px; `None` where there is no
+    /// ellipse.
+    pub(in super::super) fn place(&self, disc: usize, discs: &[Disc], near: &Near) -> Option<(Pixel, f64)> {
+        let own = discs.get(disc)?;
+        let radius = own.half_axes_px()[1];
+        let others: Vec<Seed> = near
+            .within(own.pixel, OTHERS_RADII * radius + OTHERS_PX)
+            .filter(|other| *other != disc)
+            .filter_map(|other| Some(discs.get(other)?.seed()))
+            .take(MAX_OTHERS)
+            .collect();
+        let located = locate_print(&self.frame, &own.seed(), &others)?;
         Some((located.pixel, located.sigma_px))
+    }
+}
+
+/// Discs whose middle is within so many radii, and pixels, touch what is looked at of a disc; so many of them are looked past.
+const OTHERS_RADII: f64 = 2.2;
+const OTHERS_PX: f64 = 7.0;
+const MAX_OTHERS: usize = 8;
+
+impl Disc {
+    fn seed(&self) -> Seed {
+        let sigma_px = SEED_SIGMA_PX + SEED_SIGMA_RATIO * self.half_axes_px()[1];
+        Seed { pixel: self.pixel, moments: self.moments, sigma_px }
     }
 }

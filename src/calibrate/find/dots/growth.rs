@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 use super::super::Luma;
 use super::super::discs::{Disc, Near};
@@ -19,6 +19,17 @@ pub(super) struct Growth<'a> {
     pub discs: &'a [Disc],
     pub near: &'a Near,
     pub picture: &'a Luma,
+}
+
+/// A dot that is not known yet.
+struct Expected {
+    dot: usize,
+    /// The disc of the nearest dot that is, and the distance to that on the board.
+    like: usize,
+    distance: f64,
+    /// Where it would be seen, and how the board lies there.
+    pixel: Pixel,
+    by_place: Matrix2<f64>,
 }
 
 /// Known dots by which another is expected: so many at least, and the nearest so many at most.
@@ -56,8 +67,11 @@ impl Growth<'_> {
     /// All that follows from what is known, from neighbour to neighbour.
     pub(super) fn grown(&self, mut known: Known) -> Known {
         self.weed(&mut known);
-        // A false start ends soon.
-        while known.len() >= MIN_SIGHTS && self.add(&mut known, false) {
+        // What is taken out may come back in: only what grows goes on.
+        let mut before = 0;
+        while known.len() > before.max(MIN_SIGHTS - 1) {
+            before = known.len();
+            self.add(&mut known, false);
             self.weed(&mut known);
         }
         known
@@ -79,8 +93,8 @@ impl Growth<'_> {
     /// Whether it is no chance that so many dots are where they should be.
     pub(super) fn is_certain(&self, known: &Known) -> bool {
         let expected = self.expected(known, false);
-        let missing = expected.iter().filter(|(_, _, pixel, plane, place)| {
-            let reach = plane.by_place(place).map(f64::abs) * Vector2::repeat(1.5 * self.stars.radius);
+        let missing = expected.iter().filter(|Expected { pixel, by_place, .. }| {
+            let reach = by_place.map(f64::abs) * Vector2::repeat(1.5 * self.stars.radius);
             (reach.x..self.picture.width as f64 - reach.x).contains(&pixel.x)
                 && (reach.y..self.picture.height as f64 - reach.y).contains(&pixel.y)
         });
@@ -93,8 +107,7 @@ impl Growth<'_> {
         let taken: BTreeSet<usize> = known.values().copied().collect();
         // The same disc for two dots: it is the one that it fits better.
         let mut wanted: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
-        for (dot, (like, distance), pixel, plane, place) in self.expected(known, across) {
-            let by_place = plane.by_place(&place);
+        for Expected { dot, like, distance, pixel, by_place } in self.expected(known, across) {
             let Some(place_by_px) = by_place.try_inverse() else { continue };
             let gate = (GATE + GATE_RATIO * distance / UNIT).min(MAX_GATE) * UNIT;
             let off = |disc: usize| (place_by_px * (self.discs[disc].pixel - pixel)).norm();
@@ -110,10 +123,8 @@ impl Growth<'_> {
         !wanted.is_empty()
     }
 
-    /// The dots that are not known but next to such: which, the nearest known disc and its distance, where it would be seen, by
-    /// what, and its place.
-    #[expect(clippy::type_complexity, reason = "what one loop hands to the next")]
-    fn expected(&self, known: &Known, across: bool) -> Vec<(usize, (usize, f64), Pixel, Plane, Vector2<f64>)> {
+    /// The dots that are not known but next to such; `across`, also those further off.
+    fn expected(&self, known: &Known, across: bool) -> Vec<Expected> {
         let unknown = (0..self.stars.places.len()).filter(|dot| !known.contains_key(dot));
         let expected = unknown.filter_map(|dot| {
             let place = self.stars.places[dot];
@@ -128,7 +139,14 @@ impl Growth<'_> {
             let (nearest, plane) = self.plane(known, &others, place)?;
             let distance = (self.stars.places[nearest] - place).norm();
             let pixel = plane.pixel(&place)?;
-            (distance < ACROSS * UNIT).then_some((dot, (*known.get(&nearest)?, distance), pixel, plane, place))
+            let like = *known.get(&nearest)?;
+            (distance < ACROSS * UNIT).then_some(Expected {
+                dot,
+                like,
+                distance,
+                pixel,
+                by_place: plane.by_place(&place),
+            })
         });
         expected.collect()
     }

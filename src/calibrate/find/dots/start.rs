@@ -21,18 +21,19 @@ const MAX_TOLERANCE: f64 = 0.4;
 const GATE_RATIO: f64 = 0.12;
 const GATE_RADII: f64 = 0.4;
 
-/// Witnesses that must agree, and that may not.
-const MIN_AGREED: usize = 3;
-const MAX_DENIED: usize = 5;
+/// Witnesses that must agree, at least twice as many as do not.
+const MIN_AGREED: usize = 4;
+const MAX_DENIED: usize = 3;
 
-/// Comparisons with triples of the board until the search is given up.
+/// Comparisons with triples of the board, and growths from those that agree, until the search is given up.
 const MAX_COMPARISONS: usize = 400_000;
+const MAX_GROWTHS: usize = 150;
 
 /// The dots of the picture, `(dot, disc)`; else the most that hung together.
 pub(super) fn starts(growth: &Growth<'_>) -> Result<Vec<(usize, usize)>, usize> {
     let count = growth.discs.len();
     let mut most = 0;
-    let mut comparisons = 0;
+    let (mut comparisons, mut growths) = (0, 0);
     // Scattered over the picture: in order, a search could spend itself on the clutter above the board.
     let stride = stride(count);
     for index in 0..count {
@@ -47,8 +48,9 @@ pub(super) fn starts(growth: &Growth<'_>) -> Result<Vec<(usize, usize)>, usize> 
                     return Ok(growth.finished(known));
                 }
                 most = most.max(known.len());
+                growths += 1;
             }
-            if comparisons > MAX_COMPARISONS {
+            if comparisons > MAX_COMPARISONS || growths > MAX_GROWTHS {
                 return Err(most);
             }
         }
@@ -132,5 +134,5 @@ fn agreed(
             return None;
         }
     }
-    (agreed >= MIN_AGREED && 2 * agreed >= denied).then_some(known)
+    (agreed >= MIN_AGREED && agreed >= 2 * denied).then_some(known)
 }

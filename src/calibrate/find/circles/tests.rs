@@ -1,0 +1,113 @@
+use super::super::views::{BARREL, FISHEYE, PINHOLE, View, judged, noise};
+use super::super::{NoBoard, find};
+use crate::calibrate::SeenPoint;
+use crate::frame::{Coding, Frame, Pixels};
+
+const GRID: &str = "circles:7x5:0.03";
+const ASYMMETRIC: &str = "asymmetric-circles:4x11:0.02";
+
+/// Whether columns turn into rows from x to y, as on the sheet: a mirrored order would turn the other way.
+fn is_right_handed(seen: &[SeenPoint], columns: usize) -> bool {
+    let at = |point: usize| seen.iter().find(|seen| seen.point == point).map(|seen| seen.pixel);
+    let turn = |point: usize| {
+        let corner = at(point)?;
+        Some((at(point + 1)? - corner).perp(&(at(point + 2 * columns)? - corner)) > 0.0)
+    };
+    let turns: Vec<bool> =
+        seen.iter().filter(|seen| (seen.point + 1) % columns > 0).filter_map(|seen| turn(seen.point)).collect();
+    !turns.is_empty() && turns.iter().all(|turn| *turn)
+}
+
+#[test]
+fn discs_are_within_their_deviations_however_the_board_is_tilted_and_turned() {
+    for (board, columns, lens) in
+        [(GRID, 7, PINHOLE), (ASYMMETRIC, 4, PINHOLE), (GRID, 7, BARREL), (ASYMMETRIC, 4, FISHEYE)]
+    {
+        let mut errors = Vec::new();
+        for index in 0..8_u32 {
+            let i = f64::from(index);
+            let mut view = View { tilt_deg: 8.0 * i, way_deg: 77.0 * i, fill: 0.6, ..View::of(board, lens) };
+            // A symmetric grid, and one of an even number of rows, looks the same turned by half: less than that here.
+            view.turn_deg = if columns == 7 { 20.0 * i - 70.0 } else { 45.0 * i };
+            view.sheet.light_slope = [0.1 * i, -0.08 * i];
+            let seen = view.seen(u64::from(index)).unwrap_or_else(|error| panic!("{board} {index}: {error}"));
+            assert_eq!(seen.len(), view.board.points().len(), "{board} {index}");
+            assert!(is_right_handed(&seen, columns), "{board} {index}");
+            errors.extend(view.errors(&seen));
+        }
+        let (mean_square, largest) = judged(&errors);
+        // The deviation holds what no two pictures share, as aliasing does: it may be the larger.
+        assert!((0.2..1.5).contains(&mean_square), "{board}: {mean_square}");
+        assert!(largest < 0.15, "{board}: {largest}");
+    }
+}
+
+#[test]
+fn point_zero_is_the_one_at_the_top_left_where_the_board_leaves_a_choice() {
+    for turn_deg in [-150.0, -100.0, -30.0, 40.0, 80.0, 120.0, 170.0] {
+        let view = View { turn_deg, ..View::of(GRID, PINHOLE) };
+        let seen = view.seen(1).expect("the board");
+        assert!(is_right_handed(&seen, 7), "{turn_deg}");
+        let corner = |point: usize| seen[point].pixel.x + seen[point].pixel.y;
+        assert!(corner(0) <= corner(34), "{turn_deg}");
+    }
+}
+
+#[test]
+fn a_board_partly_out_of_the_picture_is_seen_in_part() {
+    for (board, columns) in [(GRID, 7), (ASYMMETRIC, 4)] {
+        let view = View { middle: [0.33, 0.1], turn_deg: 5.0, tilt_deg: 25.0, ..View::of(board, PINHOLE) };
+        let seen = view.seen(2).unwrap_or_else(|error| panic!("{board}: {error}"));
+        assert!(seen.len() + 6 > view.in_view() && seen.len() < view.board.points().len(), "{board}: {}", seen.len());
+        assert!(is_right_handed(&seen, columns), "{board}");
+        assert!(seen.iter().all(|seen| seen.point < view.board.points().len()));
+        // Which point is which is open by a shift, but the same for all: the steps between two are those of the truth.
+        let truth = view.truth();
+        for pair in seen.windows(2) {
+            let nearest = |seen: &SeenPoint| {
+                let off = |at: &usize| truth[*at].map_or(f64::INFINITY, |pixel| (pixel - seen.pixel).norm());
+                (0..truth.len()).min_by(|a, b| off(a).total_cmp(&off(b))).expect("a point")
+            };
+            let (a, b) = (nearest(&pair[0]), nearest(&pair[1]));
+            assert!((truth[a].expect("in view") - pair[0].pixel).norm() < 0.2);
+            assert_eq!(b - a, pair[1].point - pair[0].point, "{board}");
+        }
+    }
+}
+
+#[test]
+fn what_stands_before_the_board_leaves_a_hole() {
+    for (board, need) in [(GRID, 24), (ASYMMETRIC, 30)] {
+        let mut view = View { tilt_deg: 20.0, ..View::of(board, PINHOLE) };
+        view.sheet.obstacle = Some([0.47, 0.52, 0.07, 0.09]);
+        let seen = view.seen(3).unwrap_or_else(|error| panic!("{board}: {error}"));
+        assert!(seen.len() >= need && seen.len() < view.board.points().len(), "{board}: {}", seen.len());
+        let (_, largest) = judged(&view.errors(&seen));
+        assert!(largest < 0.5, "{board}: {largest}");
+    }
+}
+
+#[test]
+fn another_size_two_boards_and_none_are_told_apart() {
+    let larger = View { turn_deg: 0.0, ..View::of("circles:8x6:0.03", PINHOLE) };
+    let frame = larger.frame(4);
+    let size = |board: &str| find(&frame, &board.parse().expect("a board"));
+    let expected = NoBoard::OtherSize { pattern: "circles", found_columns: 8, found_rows: 6, columns: 7, rows: 5 };
+    assert_eq!(size(GRID), Err(expected));
+    assert!(matches!(size("circles:9x7:0.03"), Err(NoBoard::OtherSize { found_columns: 8, found_rows: 6, .. })));
+    assert!(size("circles:8x6:0.03").is_ok());
+
+    let half = |x: f64| View { middle: [x, 0.0], fill: 0.4, ..View::of(GRID, PINHOLE) };
+    let (left, right) = (half(-0.25), half(0.25));
+    let [left_rgb, right_rgb] = [left.frame(5), right.frame(6)].map(|frame| frame.rgb().into_owned());
+    let samples = left_rgb.iter().zip(&right_rgb).enumerate();
+    let both = samples.map(|(i, (l, r))| if i / 3 % 520 < 260 { *l } else { *r }).collect();
+    let both = Frame::checked(520, 400, Pixels::Rgb(both), Coding::LOSSLESS).expect("a frame");
+    assert_eq!(find(&both, &left.board), Err(NoBoard::Several { count: 2 }));
+
+    let nothing = View { middle: [3.0, 0.0], ..View::of(GRID, PINHOLE) };
+    assert_eq!(nothing.seen(7), Err(NoBoard::NotSeen { pattern: "circles", found: 0, need: 35 }));
+    assert!(matches!(find(&noise(), &nothing.board), Err(NoBoard::NotSeen { .. })));
+    let dots = View::of("dots:150:0.25x0.18:0.003", PINHOLE);
+    assert!(matches!(find(&dots.frame(8), &nothing.board), Err(NoBoard::NotSeen { .. })));
+}
