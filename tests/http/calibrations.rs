@@ -7,8 +7,12 @@ use std::time::Duration;
 use reqwest::multipart::{Form, Part};
 use reqwest::{Method, RequestBuilder, StatusCode};
 use serde_json::{Value, json};
+use skypose::board::Board;
 use skypose::frame::{Coding, Frame, Pixels};
+use skypose::random::named;
+use skypose::scene::boards::{STUDY_LENSES, pose_in_view, study_camera};
 use skypose::scene::encode;
+use skypose::scene::render::{Optics, Rays, Sheet, render_sheet};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
@@ -114,6 +118,66 @@ async fn each_picture_that_shows_no_board_is_named_with_its_reason() {
     assert_eq!(read(station.request(Method::DELETE, &place)).await.status, StatusCode::NO_CONTENT);
     assert!(!folder.exists());
     station.get(&place).await.assert_problem(404);
+}
+
+/// Pictures of a chessboard through a bent lens.
+fn boards(count: usize) -> Vec<(String, Vec<u8>)> {
+    let board: Board = "chessboard:9x6:0.025".parse().expect("a board");
+    let camera = study_camera(STUDY_LENSES[1]);
+    let (rays, mut rng) = (Rays::of(&camera), named("a calibration over HTTP"));
+    (0..count)
+        .map(|number| {
+            let pose = pose_in_view(&camera, &board, &mut rng);
+            let frame = render_sheet(&rays, &pose, &Sheet::of(&board), &Optics::default(), &mut rng);
+            (format!("left{number:02}.jpg"), encode::jpeg(&frame, 92).expect("encodes"))
+        })
+        .collect()
+}
+
+#[tokio::test]
+async fn pictures_become_a_stored_camera_with_a_report() {
+    let station = Station::start().await;
+    let mut pictures = boards(7);
+    pictures.insert(2, ("wall.png".into(), wall(640, 480)));
+    let mut asked = request();
+    asked["name"] = json!("front");
+    asked["fixed"] = json!(["k3"]);
+    let place = place_of(&read(post(&station, form(&asked, pictures))).await);
+    let job = ended(&station, &place).await;
+    assert_eq!(job["status"], "succeeded", "{}", job["error"]);
+    let result = &job["result"];
+    let truth = study_camera(STUDY_LENSES[1]);
+    let sigma = result["standard_deviations"]["fx"].as_f64().expect("a deviation");
+    let off = result["camera"]["fx"].as_f64().expect("fx") - truth.focal_lengths()[0];
+    assert!(off.abs() < 4.0 * sigma && sigma < 5.0, "{off} +- {sigma}");
+    assert!(result["reprojection_rms_px"].as_f64().expect("an error") < 0.3, "{result}");
+    assert_eq!((&result["views"][2]["name"], &result["views"][2]["counts"]), (&json!("wall.png"), &json!(false)));
+    assert!(result["views"][2]["reason"].as_str().expect("a reason").contains("chessboard"));
+    let stored = station.get("/v1/cameras/front").await.json;
+    assert_eq!(stored["fx"], result["camera"]["fx"]);
+    assert_eq!(stored["parameter_covariance"].as_array().map(Vec::len), Some(9));
+    let page = station.request(Method::GET, &format!("{place}/report")).send().await.expect("a reply");
+    assert_eq!(page.headers()["content-type"], "text/html; charset=utf-8");
+    let page = page.text().await.expect("a page");
+    assert!(page.contains("<svg") && page.contains("wall.png"));
+    // Nothing is loaded from elsewhere.
+    assert!(!page.contains("src=\"http") && !page.contains("<script") && !page.contains("href=\"http"));
+}
+
+#[tokio::test]
+async fn a_weak_set_is_refused_with_what_is_missing_unless_forced() {
+    let station = Station::start().await;
+    let one = boards(1).remove(0);
+    let alike: Vec<(String, Vec<u8>)> = (0..4).map(|n| (format!("{n}.jpg"), one.1.clone())).collect();
+    let job = ended(&station, &place_of(&read(post(&station, form(&request(), alike.clone()))).await)).await;
+    assert_eq!((&job["status"], &job["result"]["reason"]), (&json!("failed"), &json!("weak_geometry")), "{job}");
+    assert!(job["result"]["missing"][0].as_str().expect("words").contains("tilt"), "{job}");
+    let mut forced = request();
+    forced["force"] = json!(true);
+    forced["fixed"] = json!(["k1", "k2", "k3", "p1", "p2", "principal_point", "aspect_ratio"]);
+    let job = ended(&station, &place_of(&read(post(&station, form(&forced, alike))).await)).await;
+    assert_eq!(job["status"], "succeeded", "{}", job["error"]);
+    assert_ne!(job["result"]["weaknesses"], json!([]));
 }
 
 #[tokio::test]
