@@ -55,7 +55,7 @@ const MIN_NODES: usize = 4;
 pub(super) fn find(picture: &Luma, chessboard: &Chessboard) -> Result<Vec<SeenPoint>, NoBoard> {
     let pyramid = Pyramid::of(picture);
     let ring = Ring::new();
-    let longest = |level: &Level| level.plane.width.max(level.plane.height);
+    let longest = |level: &Level<'_>| level.plane.width.max(level.plane.height);
     let first = pyramid.levels.iter().position(|level| longest(level) <= FIRST_SIDE_PX).unwrap_or(0);
     let coarser = first + 1..pyramid.levels.len();
     let mut answer = Answer::of(chessboard);
@@ -100,7 +100,7 @@ impl<'a> Answer<'a> {
         self.several > 1 || self.points.len() == self.need()
     }
 
-    fn consider(&mut self, pyramid: &Pyramid, level: &Level, ring: &Ring) {
+    fn consider(&mut self, pyramid: &Pyramid<'_>, level: &Level<'_>, ring: &Ring) {
         let mut whole_areas_px: Vec<f64> = Vec::new();
         for mut lattice in lattices(pyramid, level, ring) {
             let extent = extent::extent(&mut lattice, pyramid);
@@ -127,7 +127,7 @@ impl<'a> Answer<'a> {
     }
 
     /// A board of another size has corners that stand a close look; what clutter makes has not.
-    fn consider_other(&mut self, mut lattice: Lattice, pyramid: &Pyramid) {
+    fn consider_other(&mut self, mut lattice: Lattice, pyramid: &Pyramid<'_>) {
         exact::settle(&mut lattice, pyramid);
         let extent = extent::extent(&mut lattice, pyramid);
         if extent.is_board() && self.other.as_ref().is_none_or(|other| other.count < extent.count) {
@@ -136,7 +136,7 @@ impl<'a> Answer<'a> {
     }
 
     /// The board's points if the lattice is one of it.
-    fn points_of(&self, lattice: &mut Lattice, extent: &Extent, pyramid: &Pyramid) -> Option<Vec<SeenPoint>> {
+    fn points_of(&self, lattice: &mut Lattice, extent: &Extent, pyramid: &Pyramid<'_>) -> Option<Vec<SeenPoint>> {
         let [columns, rows] = extent.size();
         let least = self.chessboard.columns.min(self.chessboard.rows).min(4) as usize;
         if columns.min(rows) < least {
@@ -172,7 +172,7 @@ impl<'a> Answer<'a> {
 }
 
 /// The lattices that a level shows, grown and apart, the larger first.
-fn lattices(pyramid: &Pyramid, level: &Level, ring: &Ring) -> Vec<Lattice> {
+fn lattices(pyramid: &Pyramid<'_>, level: &Level<'_>, ring: &Ring) -> Vec<Lattice> {
     let corners = corners(level, ring);
     let links = links::links(&corners, 2.0 * response::RADIUS as f64 * level.scale);
     let mut used = vec![false; corners.len()];
@@ -198,7 +198,7 @@ fn lattices(pyramid: &Pyramid, level: &Level, ring: &Ring) -> Vec<Lattice> {
 const MAX_LATTICES: usize = 12;
 
 /// The lattices grown, without those of which an earlier one has taken in most.
-fn apart(found: Vec<Lattice>, pyramid: &Pyramid, ring: &Ring) -> Vec<Lattice> {
+fn apart(found: Vec<Lattice>, pyramid: &Pyramid<'_>, ring: &Ring) -> Vec<Lattice> {
     let mut grown: Vec<Lattice> = Vec::new();
     for mut lattice in found {
         let is_in = |pixel: Pixel| {
@@ -214,7 +214,7 @@ fn apart(found: Vec<Lattice>, pyramid: &Pyramid, ring: &Ring) -> Vec<Lattice> {
 }
 
 /// Places of the level at which four squares seem to meet.
-fn corners(level: &Level, ring: &Ring) -> Vec<Corner> {
+fn corners(level: &Level<'_>, ring: &Ring) -> Vec<Corner> {
     let smooth = level.smooth();
     let axes = Matrix2::identity() * response::RADIUS as f64;
     let at = |[x, y]: [usize; 2]| {

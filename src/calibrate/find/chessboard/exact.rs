@@ -31,7 +31,7 @@ const MAX_MOVE: f64 = 0.2;
 const MAX_SIGMA_PX: f64 = 1.0;
 
 /// Moves every node to where its corner is, and gives the deviation of each, px; nodes that have none are taken away.
-pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid) -> Vec<f64> {
+pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid<'_>) -> Vec<f64> {
     let first = fitted(lattice, |node| {
         let width = width_px(lattice, node)?;
         let level = pyramid.level_with(width, FIRST_PX);
@@ -80,7 +80,7 @@ fn width_px(lattice: &Lattice, node: &Node) -> Option<f64> {
 }
 
 /// The fit on this level, `light` with its blur in px of the picture.
-fn fit_of(lattice: &Lattice, node: &Node, level: &Level, light: &Light, settled: &Settled) -> Option<Fit> {
+fn fit_of(lattice: &Lattice, node: &Node, level: &Level<'_>, light: &Light, settled: &Settled) -> Option<Fit> {
     let start = Start {
         place: level.of_picture(&node.pixel),
         axes: lattice.axes(node.cell)? / level.scale,

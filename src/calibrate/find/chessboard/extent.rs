@@ -37,7 +37,7 @@ const MIN_SHARE: f64 = 0.4;
 const MAX_INSIDE: f64 = 0.2;
 
 /// Cuts away outermost lines of which too little is seen, and looks where the picture ends.
-pub(super) fn extent(lattice: &mut Lattice, pyramid: &Pyramid) -> Extent {
+pub(super) fn extent(lattice: &mut Lattice, pyramid: &Pyramid<'_>) -> Extent {
     loop {
         let bounds = lattice.bounds();
         let count = lattice.nodes.len();
@@ -65,7 +65,7 @@ pub(super) fn extent(lattice: &mut Lattice, pyramid: &Pyramid) -> Extent {
     }
 }
 
-fn is_seen(whole: &Lattice, pyramid: &Pyramid, cell: Cell) -> bool {
+fn is_seen(whole: &Lattice, pyramid: &Pyramid<'_>, cell: Cell) -> bool {
     let seen = whole.pixel(cell).zip(whole.axes(cell));
     seen.is_some_and(|(place, axes)| is_in_view(pyramid, &place, &axes))
 }

@@ -28,7 +28,7 @@ const MAX_SLANT: f64 = 0.45;
 const MAX_LOOKS: usize = 20_000;
 
 /// Takes in every neighbouring corner that the picture shows where the lattice has it.
-pub(super) fn grow(lattice: &mut Lattice, pyramid: &Pyramid, ring: &Ring) {
+pub(super) fn grow(lattice: &mut Lattice, pyramid: &Pyramid<'_>, ring: &Ring) {
     let mut looks = 0;
     // A cell is looked at again only when a neighbour has come since.
     let mut next = 0;
@@ -48,7 +48,7 @@ pub(super) fn grow(lattice: &mut Lattice, pyramid: &Pyramid, ring: &Ring) {
     }
 }
 
-fn foretold(lattice: &Lattice, pyramid: &Pyramid, ring: &Ring, cell: Cell) -> Option<Node> {
+fn foretold(lattice: &Lattice, pyramid: &Pyramid<'_>, ring: &Ring, cell: Cell) -> Option<Node> {
     let place = lattice.predicted(cell)?;
     let axes = lattice.axes_about(cell)?;
     let near = STEPS.iter().filter_map(|step| lattice.index(stepped(cell, *step, 1)));
@@ -70,7 +70,7 @@ pub(super) fn ring_px(axes: &Matrix2<f64>) -> f64 {
 }
 
 fn look(
-    level: &Level,
+    level: &Level<'_>,
     ring: &Ring,
     place: &Pixel,
     axes: &Matrix2<f64>,
@@ -86,7 +86,7 @@ fn look(
 }
 
 /// Whether the ring about a corner there would lie within the picture.
-pub(super) fn is_in_view(pyramid: &Pyramid, place: &Pixel, axes: &Matrix2<f64>) -> bool {
+pub(super) fn is_in_view(pyramid: &Pyramid<'_>, place: &Pixel, axes: &Matrix2<f64>) -> bool {
     let plane = &pyramid.levels[0].plane;
     let [across, down] = [0, 1].map(|k| axes.row(k).norm() * RING + 1.0);
     let [width, height] = [plane.width as f64 - 1.0, plane.height as f64 - 1.0];

@@ -55,6 +55,9 @@ struct Cells {
     order: Vec<usize>,
 }
 
+/// Corners in a cell, on average.
+const CORNERS_A_CELL: f64 = 1.5;
+
 /// Most cells a side.
 const MAX_SIDE: f64 = 400.0;
 
@@ -66,7 +69,8 @@ impl Cells {
             .iter()
             .fold([far, -far], |[least, most], corner| [least.inf(&corner.pixel), most.sup(&corner.pixel)]);
         let span = (most - least).sup(&Vector2::zeros());
-        let side_px = cell_px.max(span.max() / MAX_SIDE);
+        let each = (span.x * span.y * CORNERS_A_CELL / (corners.len() as f64 + 1.0)).sqrt();
+        let side_px = cell_px.max(each).max(span.max() / MAX_SIDE);
         let [columns, rows] = [span.x, span.y].map(|length| (length / side_px) as usize + 1);
         let mut cells = Self { side_px, least, columns, rows, starts: vec![0; columns * rows + 1], order: Vec::new() };
         let of_corner: Vec<usize> = corners
@@ -97,24 +101,27 @@ impl Cells {
         [(place.x as usize).min(self.columns - 1), (place.y as usize).min(self.rows - 1)]
     }
 
-    /// Cells whose larger distance, across or down, from `[x, y]` is `ring`, row by row as runs.
-    fn ring(&self, [x, y]: [usize; 2], ring: usize) -> impl Iterator<Item = &[usize]> {
-        let rows = y.saturating_sub(ring)..=(y + ring).min(self.rows - 1);
-        rows.flat_map(move |row| {
-            let (left, right) = (x.checked_sub(ring), Some(x + ring).filter(|right| *right < self.columns));
-            let single = |column: usize| column..=column;
-            let runs = if row.abs_diff(y) == ring {
-                [Some(left.unwrap_or(0)..=right.unwrap_or(self.columns - 1)), None]
-            } else {
-                [left.map(single), right.map(single)]
-            };
-            runs.into_iter().flatten().map(move |run| self.run(row, run))
-        })
+    /// The corners in some cells of a row.
+    fn run(&self, row: usize, first: usize, last: usize) -> &[usize] {
+        let from = row * self.columns;
+        &self.order[self.starts[from + first]..self.starts[from + last + 1]]
     }
 
-    fn run(&self, row: usize, columns: std::ops::RangeInclusive<usize>) -> &[usize] {
-        let from = row * self.columns;
-        &self.order[self.starts[from + columns.start()]..self.starts[from + columns.end() + 1]]
+    /// Hands over the corners in the cells whose larger distance, across or down, from `[x, y]` is `ring`.
+    fn each_of_ring(&self, [x, y]: [usize; 2], ring: usize, mut take: impl FnMut(usize)) {
+        let (left, right) = (x.saturating_sub(ring), (x + ring).min(self.columns - 1));
+        for row in y.saturating_sub(ring)..=(y + ring).min(self.rows - 1) {
+            if row.abs_diff(y) == ring {
+                self.run(row, left, right).iter().for_each(|corner| take(*corner));
+                continue;
+            }
+            for column in [left, right] {
+                // A side that the picture cuts off has no cells.
+                if column.abs_diff(x) == ring {
+                    self.run(row, column, column).iter().for_each(|corner| take(*corner));
+                }
+            }
+        }
     }
 
     fn neighbours(&self, corners: &[Corner], index: usize) -> Links {
@@ -125,16 +132,19 @@ impl Cells {
         for ring in 0..self.columns.max(self.rows) {
             // All that is nearer than this has been seen.
             let seen_px = (ring as f64 - 1.0) * self.side_px;
-            if looks > MAX_LOOKS || best.iter().all(|(distance, _)| *distance < seen_px) {
+            if looks > MAX_LOOKS || best.iter().all(|(cost, _)| *cost < seen_px) {
                 break;
             }
-            for other in self.ring(home, ring).flatten().copied().filter(|other| *other != index) {
+            self.each_of_ring(home, ring, |other| {
                 looks += 1;
-                let Some((way, cost)) = along(corner, &corners[other]) else { continue };
+                if other == index {
+                    return;
+                }
+                let Some((way, cost)) = along(corner, &corners[other]) else { return };
                 if cost < best[way].0 {
                     best[way] = (cost, Some(other));
                 }
-            }
+            });
         }
         best.map(|(_, link)| link)
     }
@@ -143,7 +153,13 @@ impl Cells {
 /// The way of `corner` on which `other` may be its neighbour, and how far that is, the farther for being off the edge.
 fn along(corner: &Corner, other: &Corner) -> Option<(usize, f64)> {
     let off = other.pixel - corner.pixel;
-    let distance = off.norm();
+    let squared = off.norm_squared();
+    // Most lie along neither edge, which takes no root to see.
+    let nearest = corner.enter.perp(&off).powi(2).min(corner.leave.perp(&off).powi(2));
+    if !(nearest < MAX_SLANT * MAX_SLANT * squared) {
+        return None;
+    }
+    let distance = squared.sqrt();
     let direction = off / distance;
     let ways = corner.ways();
     let slants = ways.map(|way| if way.dot(&direction) > 0.0 { way.perp(&direction).abs() } else { 1.0 });

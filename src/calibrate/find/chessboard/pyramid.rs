@@ -1,5 +1,6 @@
 //! The picture at several sizes.
 
+use std::borrow::Cow;
 use std::cell::OnceCell;
 
 use nalgebra::Vector2;
@@ -9,31 +10,31 @@ use crate::camera::Pixel;
 
 /// A picture of luma.
 #[derive(Clone, Debug)]
-pub(super) struct Plane {
+pub(super) struct Plane<'a> {
     pub width: usize,
     pub height: usize,
-    pub samples: Vec<u8>,
+    pub samples: Cow<'a, [u8]>,
 }
 
 /// One size of it.
-pub(super) struct Level {
-    pub plane: Plane,
-    smooth: OnceCell<Plane>,
+pub(super) struct Level<'a> {
+    pub plane: Plane<'a>,
+    smooth: OnceCell<Plane<'static>>,
     /// Side of one of its pixels, px of the picture.
     pub scale: f64,
 }
 
 /// The picture, its half, its quarter, and so on.
-pub(super) struct Pyramid {
-    pub levels: Vec<Level>,
+pub(super) struct Pyramid<'a> {
+    pub levels: Vec<Level<'a>>,
 }
 
 /// Least side of a level, px.
 const MIN_SIDE: usize = 48;
 
-impl Pyramid {
-    pub(super) fn of(picture: &Luma) -> Self {
-        let full = Plane { width: picture.width, height: picture.height, samples: picture.samples.clone() };
+impl<'a> Pyramid<'a> {
+    pub(super) fn of(picture: &'a Luma) -> Self {
+        let full = Plane { width: picture.width, height: picture.height, samples: Cow::Borrowed(&picture.samples) };
         let mut levels = vec![Level::of(full, 1.0)];
         while let Some(last) = levels.last().filter(|last| last.plane.width.min(last.plane.height) >= 2 * MIN_SIDE) {
             let next = Level::of(last.plane.halved(), 2.0 * last.scale);
@@ -43,19 +44,19 @@ impl Pyramid {
     }
 
     /// The coarsest level on which a length in the picture still has `need_px`; the full size where none does.
-    pub(super) fn level_with(&self, length_px: f64, need_px: f64) -> &Level {
+    pub(super) fn level_with(&self, length_px: f64, need_px: f64) -> &Level<'a> {
         let coarser = self.levels.iter().rev().find(|level| length_px >= need_px * level.scale);
         coarser.unwrap_or(&self.levels[0])
     }
 }
 
-impl Level {
-    pub(super) const fn of(plane: Plane, scale: f64) -> Self {
+impl<'a> Level<'a> {
+    pub(super) const fn of(plane: Plane<'a>, scale: f64) -> Self {
         Self { plane, smooth: OnceCell::new(), scale }
     }
 
     /// The level with less noise: through the binomial kernel of three by three.
-    pub(super) fn smooth(&self) -> &Plane {
+    pub(super) fn smooth(&self) -> &Plane<'static> {
         self.smooth.get_or_init(|| self.plane.smoothed())
     }
 
@@ -70,7 +71,7 @@ impl Level {
     }
 }
 
-impl Plane {
+impl Plane<'_> {
     pub(super) fn row(&self, y: usize) -> &[u8] {
         &self.samples[y * self.width..(y + 1) * self.width]
     }
@@ -93,17 +94,17 @@ impl Plane {
     }
 
     /// Half its size: means of two by two. An odd last row or column is left out.
-    fn halved(&self) -> Self {
+    fn halved(&self) -> Plane<'static> {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut samples = vec![0; width * height];
         for (y, out) in samples.chunks_exact_mut(width).enumerate() {
             halve(self.row(2 * y), self.row(2 * y + 1), out);
         }
-        Self { width, height, samples }
+        Plane { width, height, samples: Cow::Owned(samples) }
     }
 
     /// Twice its size: between the pixels, as the half undoes it.
-    pub(super) fn doubled(&self) -> Self {
+    pub(super) fn doubled(&self) -> Plane<'static> {
         let (width, height) = (2 * self.width, 2 * self.height);
         let mut samples = vec![0; width * height];
         let mut blend = vec![0_u16; self.width];
@@ -118,10 +119,10 @@ impl Plane {
                 *pair = [left, right].map(|other| rounded(3 * here + other, 4));
             }
         }
-        Self { width, height, samples }
+        Plane { width, height, samples: Cow::Owned(samples) }
     }
 
-    fn smoothed(&self) -> Self {
+    fn smoothed(&self) -> Plane<'static> {
         let (width, height) = (self.width, self.height);
         let mut samples = vec![0; width * height];
         let mut sums = vec![0_u16; width + 2];
@@ -129,7 +130,7 @@ impl Plane {
             let rows = [self.row(y.saturating_sub(1)), self.row(y), self.row((y + 1).min(height - 1))];
             smooth_row(rows, &mut sums, out);
         }
-        Self { width, height, samples }
+        Plane { width, height, samples: Cow::Owned(samples) }
     }
 }
 

@@ -43,34 +43,27 @@ const WEAK: i16 = 12;
 const STRONG_PEAKS: usize = 16;
 
 /// Strongest responses `[x, y]`, at most [`MAX_PEAKS`].
-pub(super) fn peaks(smooth: &Plane) -> Vec<[usize; 2]> {
+pub(super) fn peaks(smooth: &Plane<'_>) -> Vec<[usize; 2]> {
     let (width, height) = (smooth.width, smooth.height);
     let border = RADIUS.max(REACH);
     if width <= 2 * border || height <= 2 * border {
         return Vec::new();
     }
-    let mut responses = vec![0_i16; width * height];
-    for (y, out) in responses.chunks_exact_mut(width).enumerate().take(height - RADIUS).skip(RADIUS) {
-        let at = |(x, dy): (isize, isize)| {
-            let from = (y.saturating_add_signed(dy) * width + RADIUS).saturating_add_signed(x);
-            &smooth.samples[from..from + width - 2 * RADIUS]
-        };
-        respond(&RING.map(at), at((0, 0)), &mut out[RADIUS..width - RADIUS]);
-    }
+    let mut responses = Responses { width, rows: vec![0; HELD * width] };
     let mut found: Vec<(i16, [usize; 2])> = Vec::new();
-    for y in border..height - border {
-        let row = &responses[y * width..(y + 1) * width];
-        for (block, values) in row.chunks(32).enumerate() {
-            if values.iter().fold(0, |most, value| most.max(*value)) < MIN_RESPONSE {
-                continue;
-            }
-            for (x, value) in (32 * block..).zip(values) {
-                let inside = (border..width - border).contains(&x);
-                let is_strong = inside && *value >= MIN_RESPONSE;
-                if is_strong && is_peak(&responses, width, [x, y]) && has_sectors(smooth, [x, y]) {
-                    found.push((*value, [x, y]));
-                }
-            }
+    for y in RADIUS..height - RADIUS + REACH {
+        let out = responses.row_mut(y);
+        if y < height - RADIUS {
+            let at = |(x, dy): (isize, isize)| {
+                let from = (y.saturating_add_signed(dy) * width + RADIUS).saturating_add_signed(x);
+                &smooth.samples[from..from + width - 2 * RADIUS]
+            };
+            respond(&RING.map(at), at((0, 0)), &mut out[RADIUS..width - RADIUS]);
+        } else {
+            out.fill(0);
+        }
+        if y >= border + REACH {
+            responses.peaks_of(y - REACH, smooth, &mut found);
         }
     }
     if found.len() > STRONG_PEAKS {
@@ -90,7 +83,7 @@ pub(super) fn peaks(smooth: &Plane) -> Vec<[usize; 2]> {
 const MIN_CONTRAST: u8 = 8;
 
 /// Whether the ring is cut into two black and two white sectors, with a sample's room for noise: a quick look before the thorough one.
-fn has_sectors(smooth: &Plane, [x, y]: [usize; 2]) -> bool {
+fn has_sectors(smooth: &Plane<'_>, [x, y]: [usize; 2]) -> bool {
     let at = |(dx, dy)| smooth.samples[y.saturating_add_signed(dy) * smooth.width + x.saturating_add_signed(dx)];
     let ring = RING.map(at);
     let (least, most) = ring.iter().fold((u8::MAX, 0), |(least, most), value| (least.min(*value), most.max(*value)));
@@ -99,14 +92,48 @@ fn has_sectors(smooth: &Plane, [x, y]: [usize; 2]) -> bool {
     most - least >= MIN_CONTRAST && (4..=6).contains(&changes)
 }
 
-/// Among equals the last.
-fn is_peak(responses: &[i16], width: usize, [x, y]: [usize; 2]) -> bool {
-    let here = responses[y * width + x];
-    (y - REACH..=y + REACH).all(|row| {
-        let from = row * width + x - REACH;
-        let others = &responses[from..=from + 2 * REACH];
-        others.iter().zip(x - REACH..).all(|(other, column)| *other < here || *other == here && (row, column) <= (y, x))
-    })
+/// Rows that are held, a power of two of no less than those that a peak is compared with.
+const HELD: usize = 8;
+
+/// The responses of the last rows.
+struct Responses {
+    width: usize,
+    rows: Vec<i16>,
+}
+
+impl Responses {
+    fn row(&self, y: usize) -> &[i16] {
+        let from = y % HELD * self.width;
+        &self.rows[from..from + self.width]
+    }
+
+    fn row_mut(&mut self, y: usize) -> &mut [i16] {
+        let from = y % HELD * self.width;
+        &mut self.rows[from..from + self.width]
+    }
+
+    fn peaks_of(&self, y: usize, smooth: &Plane<'_>, found: &mut Vec<(i16, [usize; 2])>) {
+        for (block, values) in self.row(y).chunks(32).enumerate() {
+            if values.iter().fold(0, |most, value| most.max(*value)) < MIN_RESPONSE {
+                continue;
+            }
+            for (x, value) in (32 * block..).zip(values) {
+                if *value >= MIN_RESPONSE && self.is_peak([x, y]) && has_sectors(smooth, [x, y]) {
+                    found.push((*value, [x, y]));
+                }
+            }
+        }
+    }
+
+    /// Among equals the last.
+    fn is_peak(&self, [x, y]: [usize; 2]) -> bool {
+        let here = self.row(y)[x];
+        (y - REACH..=y + REACH).all(|row| {
+            let others = &self.row(row)[x - REACH..=x + REACH];
+            let mut places = others.iter().zip(x - REACH..);
+            places.all(|(other, column)| *other < here || *other == here && (row, column) <= (y, x))
+        })
+    }
 }
 
 /// The paper's sum response less difference response less mean response; the picture is smooth, so that its middle pixel is the
@@ -134,7 +161,7 @@ mod tests {
     use super::super::pyramid::Level;
     use super::*;
 
-    fn plane(dark: impl Fn(usize, usize) -> bool) -> Plane {
+    fn plane(dark: impl Fn(usize, usize) -> bool) -> Plane<'static> {
         let samples = (0..60 * 60).map(|at| if dark(at % 60, at / 60) { 40 } else { 200 }).collect();
         let plane = Plane { width: 60, height: 60, samples };
         Level::of(plane, 1.0).smooth().clone()
@@ -154,7 +181,7 @@ mod tests {
     #[test]
     fn pictures_smaller_than_the_ring_have_none() {
         for side in 0..=10 {
-            assert!(peaks(&Plane { width: side, height: side, samples: vec![9; side * side] }).is_empty());
+            assert!(peaks(&Plane { width: side, height: side, samples: vec![9; side * side].into() }).is_empty());
         }
     }
 }

@@ -46,7 +46,7 @@ impl Ring {
     /// as one sees the picture. `None` where the ring leaves the picture or shows anything else.
     pub(super) fn look(
         &self,
-        plane: &Plane,
+        plane: &Plane<'_>,
         middle: &Vector2<f64>,
         axes: &Matrix2<f64>,
         demand: &Demand,
@@ -101,7 +101,7 @@ impl Ring {
     /// Whether the same four sectors are seen half as far out: about a bar they are not.
     fn is_crossed_within(
         &self,
-        plane: &Plane,
+        plane: &Plane<'_>,
         middle: &Vector2<f64>,
         axes: &Matrix2<f64>,
         found: &Crossing,

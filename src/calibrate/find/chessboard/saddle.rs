@@ -81,7 +81,7 @@ impl Settled {
     /// Well enough to tell a corner from anything else and to say how its lines bend.
     pub(super) const ROUGHLY: Self = Self { place_px: 0.04, squares: 0.6 };
     /// Well enough for a deviation.
-    pub(super) const FULLY: Self = Self { place_px: 0.01, squares: 0.9 };
+    pub(super) const FULLY: Self = Self { place_px: 0.015, squares: 0.85 };
 }
 
 /// Half width of the window in steps, and at most so many px.
@@ -117,7 +117,7 @@ type Normal = SMatrix<f64, COUNT, COUNT>;
 type Parameters = SVector<f64, COUNT>;
 
 /// The crossing near `start`; `None` where there is none or the picture ends.
-pub(super) fn fit(plane: &Plane, start: &Start, settled: &Settled) -> Option<Saddle> {
+pub(super) fn fit(plane: &Plane<'_>, start: &Start, settled: &Settled) -> Option<Saddle> {
     let window = Window::of(plane, start)?;
     // Square's widths across the edges, px: of the edge along columns, and of the one along rows.
     let area = start.axes.determinant().abs();
@@ -242,7 +242,7 @@ struct Window {
 
 impl Window {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the picture")]
-    fn of(plane: &Plane, start: &Start) -> Option<Self> {
+    fn of(plane: &Plane<'_>, start: &Start) -> Option<Self> {
         let inverse = start.axes.try_inverse()?;
         let widths = [0, 1].map(|k| start.axes.determinant().abs() / start.axes.column(k).norm());
         let halves = [0, 1].map(|k| WINDOW.min(MAX_WINDOW_PX / start.axes.column(k).norm()));
@@ -267,7 +267,11 @@ impl Window {
             // Along the first way the edge moves across it, along the second likewise.
             bends: [bends[0].y as f32, bends[1].x as f32],
             halves: halves.map(|half| half as f32),
-            near: [0, 1].map(|k| (EDGE_BLURS * start.light.blurs_px[k] + EDGE_PX) as f32 / widths[k] as f32),
+            // Of a light that is not known it is not known either where its edges end.
+            near: [0, 1].map(|k| match start.light.mean {
+                Some(_) => (EDGE_BLURS * start.light.blurs_px[k] + EDGE_PX) as f32 / widths[k] as f32,
+                None => f32::INFINITY,
+            }),
         };
         let lanes = sums::window(plane, [left, top], [right, bottom], &view);
         let (total, weight) =

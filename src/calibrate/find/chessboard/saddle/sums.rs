@@ -62,6 +62,17 @@ pub(super) struct View {
 const RIM: f32 = 0.15;
 
 impl View {
+    /// Whether none of the pixels from there on shows an edge; a line that bends counts as wider.
+    #[inline(always)]
+    fn is_flat(&self, dx: f32, dy: f32) -> bool {
+        let half = 0.5 * (LANES - 1) as f32;
+        let [a, b, c, d] = self.inverse;
+        let (across, down) = (a * (dx + half) + b * dy, c * (dx + half) + d * dy);
+        let [first, second] =
+            [(self.bends[0], c), (self.bends[1], a)].map(|(bend, by_x)| bend.abs() + half * by_x.abs());
+        down.abs() > self.near[0] + first && across.abs() > self.near[1] + second
+    }
+
     #[inline(always)]
     fn lanes(&self, dx: f32, dy: f32, codes: &[u8]) -> Lanes {
         let [mut s, mut t, mut values, mut weights] = [[0.0; LANES]; 4];
@@ -82,12 +93,17 @@ impl View {
 /// The place of a pixel among those side by side.
 const OFFSETS: Values = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Of the pixels that show no edge, one in so many is taken: they say how bright black and white are, and nothing else.
-const FLAT_STRIDE: usize = 5;
+/// Of the pixels that show no edge, every so many rows are taken: they say how bright black and white are, and nothing else.
+const FLAT_STRIDE: usize = 4;
 
 /// The pixels from `[left, top]` to `[right, bottom]` that have a weight, without most of those that show no edge.
 #[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
-pub(super) fn window(plane: &Plane, [left, top]: [usize; 2], [right, bottom]: [usize; 2], view: &View) -> Vec<Lanes> {
+pub(super) fn window(
+    plane: &Plane<'_>,
+    [left, top]: [usize; 2],
+    [right, bottom]: [usize; 2],
+    view: &View,
+) -> Vec<Lanes> {
     let mut window = Vec::with_capacity((bottom - top + 1) * ((right - left) / LANES + 1));
     let mut packed = Lanes::EMPTY;
     let mut count = 0;
@@ -95,20 +111,31 @@ pub(super) fn window(plane: &Plane, [left, top]: [usize; 2], [right, bottom]: [u
         let row = &plane.row(y)[left..=right];
         let dy = y as f32 - view.middle[1];
         let mut dx = left as f32 - view.middle[0];
-        for (block, codes) in row.chunks(LANES).enumerate() {
+        let is_flat_taken = y.is_multiple_of(FLAT_STRIDE);
+        for codes in row.chunks(LANES) {
+            if !is_flat_taken && view.is_flat(dx, dy) {
+                dx += LANES as f32;
+                continue;
+            }
             let lanes = view.lanes(dx, dy, codes);
-            for k in 0..LANES {
-                let is_near = lanes.t[k].abs() < view.near[0] || lanes.s[k].abs() < view.near[1];
-                let is_taken = is_near || (block * LANES + k + 2 * y).is_multiple_of(FLAT_STRIDE);
-                // What is not taken is written over by the next.
-                packed.s[count] = lanes.s[k];
-                packed.t[count] = lanes.t[k];
-                packed.codes[count] = lanes.codes[k];
-                packed.weights[count] = lanes.weights[k];
-                count += usize::from(is_taken && lanes.weights[k] > 0.0);
-                if count == LANES {
-                    window.push(packed);
-                    count = 0;
+            let taken: [bool; LANES] = std::array::from_fn(|k| {
+                let is_near = (lanes.t[k].abs() < view.near[0]) | (lanes.s[k].abs() < view.near[1]);
+                lanes.weights[k] > 0.0 && (is_near | is_flat_taken)
+            });
+            if taken == [true; LANES] && count == 0 {
+                window.push(lanes);
+            } else if taken != [false; LANES] {
+                for k in 0..LANES {
+                    // What is not taken is written over by the next.
+                    packed.s[count] = lanes.s[k];
+                    packed.t[count] = lanes.t[k];
+                    packed.codes[count] = lanes.codes[k];
+                    packed.weights[count] = lanes.weights[k];
+                    count += usize::from(taken[k]);
+                    if count == LANES {
+                        window.push(packed);
+                        count = 0;
+                    }
                 }
             }
             dx += LANES as f32;
