@@ -81,7 +81,7 @@ impl Likeness {
         trim_scatter: 2.5,
         sectored_area_px: 20.0,
         max_passes: 40,
-        settled_px: 5e-4,
+        settled_px: 1e-3,
         large: true,
     };
 }
