@@ -54,13 +54,36 @@ struct Likeness {
     floor_px: f64,
     /// Sectors of the rim are left out, as a matter of course or where all of them together make no ellipse: beyond this scatter.
     trim_scatter: f64,
+    /// The rim of what is smaller has too few pixels for some of them to be told from the rest, px.
+    sectored_area_px: f64,
+    /// Passes at most, and the move, px, that ends them.
+    max_passes: usize,
+    settled_px: f64,
+    /// Whether it may be so large that its middle is not looked at.
+    large: bool,
 }
 
 impl Likeness {
     /// A body in the air: somewhat round, before anything.
-    const MARKER: Self = Self { edge_error: 0.03, floor_px: 0.04, trim_scatter: 0.0 };
+    const MARKER: Self = Self {
+        edge_error: 0.03,
+        floor_px: 0.04,
+        trim_scatter: 0.0,
+        sectored_area_px: 20.0,
+        max_passes: 10,
+        settled_px: 6e-3,
+        large: false,
+    };
     /// A disc in print, on white.
-    const PRINT: Self = Self { edge_error: 0.008, floor_px: 0.008, trim_scatter: 2.5 };
+    const PRINT: Self = Self {
+        edge_error: 0.008,
+        floor_px: 0.008,
+        trim_scatter: 2.5,
+        sectored_area_px: 20.0,
+        max_passes: 40,
+        settled_px: 1e-3,
+        large: true,
+    };
 }
 
 /// The dark disc on white at `seed`, as it is printed on a board; `others` are next to it and are looked past.

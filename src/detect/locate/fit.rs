@@ -13,19 +13,12 @@ use crate::frame::Frame;
 const LN_BLUR: f64 = -0.4;
 const LN_BLUR_SPREAD: f64 = 1.5;
 
-/// Passes: in the first chroma speaks alone, which is not misled by what touches the rim.
-const MAX_PASSES: usize = 10;
+/// In the first passes chroma speaks alone, which is not misled by what touches the rim.
 const CHROMA_PASSES: usize = 2;
 const MIN_PASSES: usize = 4;
 
-/// Moves shorter than this end the fit, px.
-const SETTLED_PX: f64 = 6e-3;
-
 /// Eight bits have steps; noise below this is not believed.
 const MIN_NOISE: f64 = 0.5;
-
-/// The rim of what is smaller has too few pixels for some of them to be told from the rest, px.
-const SECTORED_AREA_PX: f64 = 20.0;
 
 /// What a lens too sharp for its pixels hides of a small disc between them: px times the disc's area.
 const ALIASING_PX3: f64 = 2.0;
@@ -41,12 +34,12 @@ pub(super) fn fit(
     likeness: &Likeness,
 ) -> Option<Located> {
     let matrix = seed.form()?;
-    let patch = Patch::around(frame, seed, others, chroma, &matrix)?;
+    let patch = Patch::around(frame, seed, others, chroma, likeness.large)?;
     let mut model = start(&patch, seed, matrix);
     let prior = FormMatrix::zeros();
     let mut trust = Trust::NONE;
     let mut last = None;
-    for pass in 0..MAX_PASSES {
+    for pass in 0..likeness.max_passes {
         let chroma = patch.chroma.as_ref().map(|channel| gather_chroma(&patch, channel, &model));
         let colour = chroma.as_ref().map(|chroma| chroma.rim.offsets(CHROMA_FLOOR_PX));
         let (mut normal, mut right) = (prior, Form::zeros());
@@ -57,7 +50,7 @@ pub(super) fn fit(
         let sums = (chroma.is_none() || pass >= CHROMA_PASSES).then(|| gather(&patch, &model, likeness.edge_error));
         if let Some(sums) = &sums {
             let luma = sums.rim.offsets(likeness.floor_px);
-            let is_small = model.ellipse.area_px() < SECTORED_AREA_PX;
+            let is_small = model.ellipse.area_px() < likeness.sectored_area_px;
             trust = luma.untrimmed(&prior);
             if !is_small && trust.scatter > likeness.trim_scatter {
                 trust = luma.trust(colour.as_ref(), &prior);
@@ -70,7 +63,7 @@ pub(super) fn fit(
         let moved = (next.centre - model.ellipse.centre).norm();
         model.ellipse = next;
         relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
-        if pass + 1 >= MIN_PASSES && moved < SETTLED_PX {
+        if pass + 1 >= MIN_PASSES && moved < likeness.settled_px {
             break;
         }
     }

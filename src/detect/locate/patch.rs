@@ -50,6 +50,9 @@ pub(super) struct Patch {
 const INWARDS_PX: f64 = 6.0;
 const OUTWARDS_PX: f64 = 3.5;
 
+/// As far within the rim it is the disc that is seen, however blurred, px.
+const DEEP_PX: f64 = 4.0;
+
 /// What is this near to the rim of another, and nearer than to the own, belongs to the other, px.
 const OTHERS_PX: f64 = 3.0;
 
@@ -75,6 +78,8 @@ struct Sample {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Side {
     Inside,
+    /// Within the rim, but not in the middle.
+    Deep,
     Rim,
     Outside,
 }
@@ -83,14 +88,17 @@ enum Side {
 struct Gathered {
     sectors: [Vec<Sample>; SECTORS],
     inside: Vec<f32>,
+    /// Where there is no middle, `None` if that is not looked for.
+    deep: Option<Vec<f32>>,
     outside: Vec<f32>,
 }
 
 impl Gathered {
-    fn new(capacity: usize) -> Self {
+    fn new(capacity: usize, large: bool) -> Self {
         Self {
             sectors: std::array::from_fn(|_| Vec::with_capacity(capacity)),
             inside: Vec::with_capacity(4 * capacity),
+            deep: large.then(Vec::new),
             outside: Vec::with_capacity(8 * capacity),
         }
     }
@@ -99,6 +107,7 @@ impl Gathered {
         self.sectors[sector].push(sample);
         match side {
             Side::Inside => self.inside.push(sample.value),
+            Side::Deep => self.deep.iter_mut().for_each(|deep| deep.push(sample.value)),
             Side::Outside => self.outside.push(sample.value),
             Side::Rim => (),
         }
@@ -112,7 +121,7 @@ impl Gathered {
             octets.extend(samples.chunks(LANES).map(Octet::of));
             starts[index + 1] = octets.len();
         }
-        let inside = median(&mut self.inside)?;
+        let inside = median(&mut self.inside).or_else(|| median(self.deep.as_mut()?))?;
         let outside = median(&mut self.outside)?;
         self.outside.iter_mut().for_each(|value| *value = (*value - outside).abs());
         let noise = 1.4826 * median(&mut self.outside)?;
@@ -135,8 +144,9 @@ impl Patch {
         seed: &Seed,
         others: &[Seed],
         chroma: Option<Vector2<f64>>,
-        matrix: &Matrix2<f64>,
+        large: bool,
     ) -> Option<Self> {
+        let matrix = &seed.form()?;
         let origin = seed.pixel.map(f64::round);
         // An ellipse's half axes are twice its root mean square extents.
         let reach = seed.moments.diagonal().map(|v| (2.0 * v.max(0.1).sqrt() + OUTWARDS_PX).ceil());
@@ -153,8 +163,8 @@ impl Patch {
         let [left, top, right, bottom] =
             [origin.x - reach.x, origin.y - reach.y, origin.x + reach.x, origin.y + reach.y].map(|edge| edge as usize);
         let capacity = 2 + 2 * (right - left + 1) * (bottom - top + 1) / SECTORS;
-        let mut luma = Gathered::new(capacity);
-        let mut colour = reader.direction.map(|_| Gathered::new(if shared { capacity / 4 } else { capacity }));
+        let mut luma = Gathered::new(capacity, large);
+        let mut colour = reader.direction.map(|_| Gathered::new(if shared { capacity / 4 } else { capacity }, large));
         for y in top..=bottom {
             for x in left..=right {
                 let at = Vector2::new(x as f64, y as f64) - origin;
@@ -171,6 +181,7 @@ impl Patch {
                 }
                 let side = match () {
                     () if squared < 0.6 => Side::Inside,
+                    () if from_rim < -DEEP_PX => Side::Deep,
                     () if from_rim > 1.5 => Side::Outside,
                     () => Side::Rim,
                 };

@@ -16,6 +16,12 @@ pub(super) enum Fit {
     None,
 }
 
+/// Share of its points that must be seen of a board: what is less may be chance.
+const MIN_POINTS: f64 = 0.3;
+
+/// Share of a lattice that may be clutter beside the board.
+const MAX_STRAYS: f64 = 0.05;
+
 /// Share of its points within the picture that must be seen of a board.
 const MIN_SEEN: f64 = 0.4;
 
@@ -57,14 +63,14 @@ impl Extent {
     }
 
     /// Coordinates of a place of the lattice. That of an asymmetric board stands on its corner.
-    fn from_lattice(&self, [i, j]: Place) -> Place {
+    fn by_lattice(&self, [i, j]: Place) -> Place {
         match self.layout {
             CircleLayout::Symmetric => [i, j],
             CircleLayout::Asymmetric => [i - j, i + j],
         }
     }
 
-    fn to_lattice(&self, [x, y]: Place) -> Place {
+    fn lattice_by(&self, [x, y]: Place) -> Place {
         match self.layout {
             CircleLayout::Symmetric => [x, y],
             CircleLayout::Asymmetric => [(x + y).div_euclid(2), (y - x).div_euclid(2)],
@@ -77,55 +83,80 @@ fn turned([x, y]: Place, quarters: u8) -> Place {
     (0..quarters).fold([x, y], |[x, y], _| [-y, x])
 }
 
-/// What the lattice is, as seen against the board.
-pub(super) fn placement(lattice: &Lattice, picture: &Luma, circles: &Circles) -> Fit {
-    let extent = Extent::of(circles);
-    let nodes: Vec<(Place, usize, Pixel)> =
-        lattice.iter().map(|(place, disc, pixel)| (extent.from_lattice(place), disc, pixel)).collect();
-    let mut best: Option<(usize, f64, Vec<(usize, usize)>)> = None;
-    for quarters in 0..4 {
-        let turned: Vec<(Place, usize, Pixel)> =
-            nodes.iter().map(|(place, disc, pixel)| (turned(*place, quarters), *disc, *pixel)).collect();
-        let Some([least, greatest]) = bounds(turned.iter().map(|(place, ..)| *place)) else { return Fit::None };
-        // Every shift that lets the board hold all of the lattice, and those next to it where strays are left out.
+/// How the lattice lies on the board: turned, then shifted.
+#[derive(Clone, Copy)]
+struct Lay {
+    quarters: u8,
+    right: i32,
+    down: i32,
+}
+
+impl Lay {
+    fn on_board(&self, place: Place) -> Place {
+        let [x, y] = turned(place, self.quarters);
+        [x + self.right, y + self.down]
+    }
+
+    fn off_board(&self, [x, y]: Place) -> Place {
+        turned([x - self.right, y - self.down], (4 - self.quarters) % 4)
+    }
+
+    /// Every one that lets the board hold all of the places, or be held by them.
+    fn all(places: &[Place], extent: &Extent) -> Vec<Self> {
         let shifts = |least: i32, greatest: i32, size: i32| {
             let (a, b) = (-least, size - 1 - greatest);
             a.min(b)..=a.max(b)
         };
-        for down in shifts(least[1], greatest[1], extent.rows) {
-            for right in shifts(least[0], greatest[0], extent.columns) {
-                let at = |[x, y]: Place| [x + right, y + down];
-                let is_better = |seen: usize, corner: f64| {
-                    best.as_ref().is_none_or(|(most, nearest, _)| seen > *most || seen == *most && corner < *nearest)
-                };
-                let back = |[x, y]: Place| {
-                    let [x, y] = [x - right, y - down];
-                    extent.to_lattice(self::turned([x, y], (4 - quarters) % 4))
-                };
-                let inside = turned.iter().filter(|(place, ..)| extent.holds(at(*place))).count();
-                // Strays: what the board has no place for.
-                if turned.len() - inside > turned.len() / 20
-                    || !is_better(inside, f64::INFINITY) && !is_better(inside, 0.0)
-                {
-                    continue;
-                }
-                if !extent.is_certain(lattice, picture, back) {
-                    continue;
-                }
-                let Some(corner) = lattice.pixel(back([0, 0])) else { continue };
-                let corner = corner.x + corner.y;
-                if is_better(inside, corner) {
-                    let points = turned.iter().map(|(place, disc, _)| (at(*place), *disc));
-                    let points = points.filter(|(place, _)| extent.holds(*place));
-                    let mut points: Vec<(usize, usize)> =
-                        points.map(|(place, disc)| (extent.point(place), disc)).collect();
-                    points.sort_unstable();
-                    best = Some((inside, corner, points));
-                }
-            }
+        let turns = (0..4).filter_map(|quarters| {
+            let [least, greatest] = bounds(places.iter().map(|place| turned(*place, quarters)))?;
+            let across = shifts(least[0], greatest[0], extent.columns);
+            let along = shifts(least[1], greatest[1], extent.rows);
+            Some(across.flat_map(move |right| along.clone().map(move |down| Self { quarters, right, down })))
+        });
+        turns.flatten().collect()
+    }
+}
+
+/// A lattice laid on the board.
+struct Laid {
+    /// Points and the numbers of their discs.
+    points: Vec<(usize, usize)>,
+    /// How far right and down the first point is seen, px.
+    corner_px: f64,
+}
+
+impl Laid {
+    fn is_better(&self, other: &Self) -> bool {
+        let (own, others) = (self.points.len(), other.points.len());
+        own > others || own == others && self.corner_px < other.corner_px
+    }
+}
+
+/// What the lattice is, as seen against the board.
+pub(super) fn placement(lattice: &Lattice, picture: &Luma, circles: &Circles) -> Fit {
+    let extent = Extent::of(circles);
+    let (places, discs): (Vec<Place>, Vec<usize>) =
+        lattice.iter().map(|(place, disc, _)| (extent.by_lattice(place), disc)).unzip();
+    let mut best: Option<Laid> = None;
+    for lay in Lay::all(&places, &extent) {
+        let points = places.iter().zip(&discs).filter(|(place, _)| extent.holds(lay.on_board(**place)));
+        let mut points: Vec<(usize, usize)> =
+            points.map(|(place, disc)| (extent.point(lay.on_board(*place)), *disc)).collect();
+        let strays = places.len() - points.len();
+        let is_too_few = best.as_ref().is_some_and(|best| points.len() < best.points.len());
+        let least = MIN_POINTS * f64::from(circles.columns * circles.rows);
+        if is_too_few || strays as f64 > MAX_STRAYS * places.len() as f64 || (points.len() as f64) < least {
+            continue;
+        }
+        let back = |place: Place| extent.lattice_by(lay.off_board(place));
+        let Some(corner) = lattice.pixel(back([0, 0])) else { continue };
+        points.sort_unstable();
+        let laid = Laid { points, corner_px: corner.x + corner.y };
+        if best.as_ref().is_none_or(|best| laid.is_better(best)) && extent.is_certain(lattice, picture, back) {
+            best = Some(laid);
         }
     }
-    best.map_or_else(|| other(&nodes, circles), |(_, _, points)| Fit::Board(points))
+    best.map_or_else(|| other(&places, circles), |best| Fit::Board(best.points))
 }
 
 impl Extent {
@@ -181,15 +212,15 @@ fn bounds(places: impl Iterator<Item = Place>) -> Option<[Place; 2]> {
 const FULL: f64 = 0.75;
 
 /// The size of a lattice that is not the board's.
-fn other(nodes: &[(Place, usize, Pixel)], circles: &Circles) -> Fit {
-    let Some([least, greatest]) = bounds(nodes.iter().map(|(place, ..)| *place)) else { return Fit::None };
+fn other(places: &[Place], circles: &Circles) -> Fit {
+    let Some([least, greatest]) = bounds(places.iter().copied()) else { return Fit::None };
     let size = |axis: usize| usize::try_from(greatest[axis] - least[axis] + 1).unwrap_or(0);
     let (wide, high) = (size(0), size(1));
     let per_place = match circles.layout {
         CircleLayout::Symmetric => 1,
         CircleLayout::Asymmetric => 2,
     };
-    if (nodes.len() * per_place) as f64 <= FULL * (wide * high) as f64 {
+    if (places.len() * per_place) as f64 <= FULL * (wide * high) as f64 {
         return Fit::None;
     }
     // Turned as the board would be.

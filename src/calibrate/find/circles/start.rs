@@ -6,7 +6,7 @@
 use nalgebra::Vector2;
 
 use super::super::discs::{Disc, Near};
-use super::lattice::Lattice;
+use super::lattice::{Lattice, Place};
 
 /// Neighbours of a lattice whose step is so many radii are looked for within this range, as a ratio of the step. A disc may
 /// be printed larger or smaller than stated, and a small one looks larger than it is.
@@ -25,8 +25,22 @@ const GATE: f64 = 0.25;
 /// Ratio of the areas of neighbours.
 pub(super) const MAX_AREA_RATIO: f64 = 2.5;
 
-/// Least number of discs that must be where the two steps say, of six.
-const MIN_CONFIRMED: usize = 3;
+/// Discs that must be where the two steps say, of the eight around, those at the steps themselves among them.
+const MIN_CONFIRMED: usize = 5;
+
+/// Discs at the places that two steps lead to.
+struct Start {
+    discs: Vec<(Place, usize)>,
+    /// How far they are from these places, together.
+    off: f64,
+}
+
+impl Start {
+    fn is_better(&self, other: &Self) -> bool {
+        let (own, others) = (self.discs.len(), other.discs.len());
+        own > others || own == others && self.off < other.off
+    }
+}
 
 /// The beginnings of a lattice about a disc, as far as `is_free` discs go; `None` where there is none.
 pub(super) fn start(
@@ -51,7 +65,7 @@ pub(super) fn start(
         .collect();
     ways.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     ways.truncate(NEIGHBOURS);
-    let mut best: Option<(usize, f64, Vec<([i32; 2], usize)>)> = None;
+    let mut best: Option<Start> = None;
     for (length, first, _) in ways.iter().filter(|(length, ..)| (STEP_RANGE[0]..STEP_RANGE[1]).contains(length)) {
         for (other_length, second, _) in &ways {
             let ratio = other_length / length;
@@ -69,22 +83,22 @@ pub(super) fn start(
             if at((first + second) * 0.5).is_some() {
                 continue;
             }
-            let mut places = vec![([0, 0], disc)];
-            let (mut confirmed, mut sum) = (0, 0.0);
+            let mut start = Start { discs: vec![([0, 0], disc)], off: 0.0 };
             for [i, j] in [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]] {
                 if let Some((off, other)) = at(first * f64::from(i) + second * f64::from(j)) {
-                    confirmed += 1;
-                    sum += off;
-                    places.push(([i, j], other));
+                    start.off += off;
+                    start.discs.push(([i, j], other));
                 }
             }
-            if best.as_ref().is_none_or(|(most, least, _)| confirmed > *most || confirmed == *most && sum < *least) {
-                best = Some((confirmed, sum, places));
+            if best.as_ref().is_none_or(|best| start.is_better(best)) {
+                best = Some(start);
             }
         }
     }
-    let (_, _, places) = best.filter(|(confirmed, ..)| *confirmed >= MIN_CONFIRMED + 2)?;
+    let best = best.filter(|best| best.discs.len() > MIN_CONFIRMED)?;
     let mut lattice = Lattice::default();
-    places.into_iter().for_each(|(place, disc)| lattice.put(place, disc, discs[disc].pixel));
+    for (place, disc) in best.discs {
+        lattice.put(place, disc, discs[disc].pixel);
+    }
     Some(lattice)
 }

@@ -38,7 +38,8 @@ fn discs_are_within_their_deviations_however_the_board_is_tilted_and_turned() {
         let (mean_square, largest) = judged(&errors);
         // The deviation holds what no two pictures share, as aliasing does: it may be the larger.
         assert!((0.2..1.5).contains(&mean_square), "{board}: {mean_square}");
-        assert!(largest < 0.15, "{board}: {largest}");
+        // Half a pixel: at the edge of the fisheye a disc is three pixels wide.
+        assert!(largest < 0.5, "{board}: {largest}");
     }
 }
 

@@ -66,13 +66,14 @@ impl Growth<'_> {
 
     /// All that follows from what is known, from neighbour to neighbour.
     pub(super) fn grown(&self, mut known: Known) -> Known {
-        self.weed(&mut known);
+        let mut fresh: Vec<usize> = known.keys().copied().collect();
+        self.weed(&mut known, &fresh);
         // What is taken out may come back in: only what grows goes on.
         let mut before = 0;
         while known.len() > before.max(MIN_SIGHTS - 1) {
             before = known.len();
-            self.add(&mut known, false);
-            self.weed(&mut known);
+            fresh = self.add(&mut known, false);
+            self.weed(&mut known, &fresh);
         }
         known
     }
@@ -81,7 +82,8 @@ impl Growth<'_> {
     pub(super) fn finished(&self, mut known: Known) -> Vec<(usize, usize)> {
         for _ in 0..6 {
             let before = known.len();
-            self.add(&mut known, true);
+            let fresh = self.add(&mut known, true);
+            self.weed(&mut known, &fresh);
             known = self.grown(known);
             if known.len() <= before {
                 break;
@@ -102,8 +104,8 @@ impl Growth<'_> {
         CERTAIN.iter().any(|(count, least)| known.len() >= *count && share >= *least)
     }
 
-    /// Adds the discs that are where dots are expected; whether there were any.
-    fn add(&self, known: &mut Known, across: bool) -> bool {
+    /// Adds the discs that are where dots are expected; which dots these are.
+    fn add(&self, known: &mut Known, across: bool) -> Vec<usize> {
         let taken: BTreeSet<usize> = known.values().copied().collect();
         // The same disc for two dots: it is the one that it fits better.
         let mut wanted: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
@@ -120,7 +122,7 @@ impl Growth<'_> {
             }
         }
         known.extend(wanted.iter().map(|(disc, (_, dot))| (*dot, *disc)));
-        !wanted.is_empty()
+        wanted.into_values().map(|(_, dot)| dot).collect()
     }
 
     /// The dots that are not known but next to such; `across`, also those further off.
@@ -162,8 +164,10 @@ impl Growth<'_> {
         Some((*others.first()?, Plane::through(&sights, place, UNIT)?))
     }
 
-    /// Takes out what is not where its neighbours say.
-    fn weed(&self, known: &mut Known) {
+    /// Takes out what is not where its neighbours say, among what is fresh and what is next to that.
+    fn weed(&self, known: &mut Known, fresh: &[usize]) {
+        let next = fresh.iter().flat_map(|dot| self.stars.neighbours[*dot].iter().take(MAX_SIGHTS / 2));
+        let doubtful: BTreeSet<usize> = fresh.iter().chain(next).copied().collect();
         for _ in 0..4 {
             let off = |(dot, disc): (&usize, &usize)| {
                 let place = self.stars.places[*dot];
@@ -180,7 +184,8 @@ impl Growth<'_> {
                 let gate = (STAY_GATE + 0.5 * GATE_RATIO * distance / UNIT) * UNIT;
                 (off > gate && off_px.norm() > STAY_GATE_PX).then_some((off, *dot))
             };
-            let bad: Vec<(f64, usize)> = known.iter().filter_map(off).collect();
+            let here = doubtful.iter().filter_map(|dot| known.get_key_value(dot));
+            let bad: Vec<(f64, usize)> = here.filter_map(off).collect();
             let worst = bad.iter().map(|(off, _)| *off).fold(0.0, f64::max);
             if bad.is_empty() {
                 return;

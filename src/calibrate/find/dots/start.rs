@@ -67,7 +67,7 @@ fn stride(count: usize) -> usize {
         a > 1
     };
     let start = count * 5 / 13 + 1;
-    (start..).find(|stride| !shares(count, *stride)).unwrap_or(1)
+    (start..start + count).find(|stride| !shares(count, *stride)).unwrap_or(1)
 }
 
 /// The discs nearest to a disc on the board, as far as its shape tells, with the ways to them in radii.
