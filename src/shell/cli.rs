@@ -1,6 +1,7 @@
 //! The command line.
 
 mod assess;
+mod camera;
 mod demo;
 mod frames;
 mod grab;
@@ -57,6 +58,8 @@ enum Command {
     Pose(points::Pose),
     /// Tell what a constellation of markers is good for before a camera, and which marker to move.
     Assess(assess::Assess),
+    /// Convert a camera between JSON and the files of ROS and OpenCV, or derive that of cut-out or scaled pictures.
+    Camera(camera::CameraFile),
     /// Draw a calibration board at true scale, as SVG or PDF.
     #[command(after_help = pattern::EXAMPLES)]
     Pattern(pattern::PatternSheet),
@@ -135,6 +138,7 @@ pub fn run() -> ExitCode {
         Command::Replay(command) => command.run(),
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
+        Command::Camera(command) => command.run(),
         Command::Pattern(command) => command.run(),
         Command::Openapi => print_openapi(),
         Command::Demo(command) => command.run(),

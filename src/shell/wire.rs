@@ -2,6 +2,7 @@
 
 pub mod assessment;
 pub mod camera;
+pub mod camera_file;
 pub mod detector;
 pub mod frame;
 pub mod pattern;
@@ -17,7 +18,8 @@ use serde::de::DeserializeOwned;
 use super::fault::{Fault, FaultKind};
 
 pub use assessment::{AssessmentReply, AssessmentRequest};
-pub use camera::{CameraWire, DistortionWire};
+pub use camera::{CameraPut, CameraWire, DerivedCameraWire, DistortionWire};
+pub use camera_file::{CameraFormat, read_camera, write_camera};
 pub use detector::DetectorWire;
 pub use frame::FrameRequest;
 pub use pattern::{PatternOrText, PatternWire};

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::Stop;
 use super::inputs::{pattern_of, unwritable};
-use crate::board::{Board, Paper, Print};
+use crate::board::{Paper, Print};
 use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::wire::PatternWire;
