@@ -13,7 +13,7 @@ use crate::shell::wire::{CameraFormat, DerivedCameraWire, write_camera};
 
 #[derive(Args, Debug)]
 pub(super) struct CameraFile {
-    /// The camera: JSON, YAML of ROS' camera_calibration, or YAML or XML of OpenCV's FileStorage, told by what is in it.
+    /// The camera: JSON, YAML of the calibration of ROS, or YAML or XML of OpenCV's FileStorage, told by what is in it.
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// json, ros, opencv-yaml or opencv-xml. Covariances are in JSON only.

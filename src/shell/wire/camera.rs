@@ -288,6 +288,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "these products and sums are exact")]
     fn a_derived_camera_says_where_it_comes_from() {
         let covariance = r#", "parameter_covariance": [[4, 0, 0, 0], [0, 4, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "pixel_sigma_px": 0.1"#;
         let origin = CameraWire::from(&camera(covariance).expect("a camera"));
