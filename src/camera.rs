@@ -3,6 +3,7 @@
 //! Pixels: u to the right, v down, the centre of the top-left pixel at (0, 0). The camera's space: x right, y down,
 //! z forward. Only points in front of the camera (`z > 0`) have a projection.
 
+mod derived;
 pub mod disc;
 pub mod distortion;
 pub mod intrinsics;

@@ -62,6 +62,17 @@ pub enum CameraError {
         /// What was given.
         value: f64,
     },
+    /// A part that does not lie on the picture.
+    #[error(
+        "the part of {} x {} px at ({}, {}) does not lie on the picture of {} x {} px",
+        crop_px[2], crop_px[3], crop_px[0], crop_px[1], size[0], size[1]
+    )]
+    Crop {
+        /// x, y, width, height of the part, px.
+        crop_px: [u32; 4],
+        /// Size of the picture, px.
+        size: [u32; 2],
+    },
     /// No covariance of this camera's parameters.
     #[error("the covariance of the camera's parameters needs {problem}")]
     ParameterCovariance {
@@ -78,6 +89,7 @@ impl CameraError {
             Self::Size { .. } => "width",
             Self::FocalLength { field, .. } | Self::PrincipalPoint { field, .. } => field,
             Self::Coefficient { .. } => "distortion",
+            Self::Crop { .. } => "crop_px",
             Self::ParameterCovariance { .. } => "parameter_covariance",
         }
     }

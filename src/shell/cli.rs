@@ -2,6 +2,7 @@
 
 mod assess;
 mod calibrate;
+mod camera;
 mod demo;
 mod frames;
 mod grab;
@@ -61,6 +62,8 @@ enum Command {
     /// Make a camera of pictures of a calibration board, with a report of how far to trust it.
     #[command(after_help = calibrate::EXAMPLES)]
     Calibrate(calibrate::Calibrate),
+    /// Convert a camera between JSON and the files of ROS and OpenCV, or derive that of cut-out or scaled pictures.
+    Camera(camera::CameraFile),
     /// Draw a calibration board at true scale, as SVG or PDF.
     #[command(after_help = pattern::EXAMPLES)]
     Pattern(pattern::PatternSheet),
@@ -140,6 +143,7 @@ pub fn run() -> ExitCode {
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
         Command::Calibrate(command) => command.run(),
+        Command::Camera(command) => command.run(),
         Command::Pattern(command) => command.run(),
         Command::Openapi => print_openapi(),
         Command::Demo(command) => command.run(),

@@ -95,8 +95,15 @@ impl Fault {
             FrameError::ZeroSize { .. }
             | FrameError::SampleCount { .. }
             | FrameError::RawLength { .. }
-            | FrameError::OddSize { .. }
-            | FrameError::NotOfCamera { .. } => FaultKind::Senseless,
+            | FrameError::OddSize { .. } => FaultKind::Senseless,
+            FrameError::NotOfCamera { frame: [width, height], .. } => {
+                let how = format!(
+                    "{error}; if its pictures were scaled or cut out, derive a camera from it: PUT /v1/cameras/NAME with \
+                     {{\"derived_from\": \"ITS NAME\", \"width\": {width}, \"height\": {height}}} or with \
+                     \"crop_px\": [X, Y, {width}, {height}], or skypose camera with --size or --crop"
+                );
+                return Self::new(FaultKind::Senseless, how);
+            }
         };
         Self::new(kind, error.to_string())
     }

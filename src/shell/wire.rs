@@ -3,6 +3,7 @@
 pub mod assessment;
 pub mod calibration;
 pub mod camera;
+pub mod camera_file;
 pub mod detector;
 pub mod frame;
 pub mod job;
@@ -20,7 +21,8 @@ use super::fault::{Fault, FaultKind};
 
 pub use assessment::{AssessmentReply, AssessmentRequest};
 pub use calibration::CalibrationRequest;
-pub use camera::{CameraWire, DistortionWire};
+pub use camera::{CameraPut, CameraWire, DerivedCameraWire, DistortionWire};
+pub use camera_file::{CameraFormat, read_camera, write_camera};
 pub use detector::DetectorWire;
 pub use frame::FrameRequest;
 pub use job::{JobEventWire, JobWire};

@@ -71,3 +71,74 @@ async fn a_target_takes_the_name_under_which_it_is_stored() {
     assert_eq!(station.put("/v1/targets/wing", &other).await.assert_problem(409).pointer(), "/name");
     assert_eq!(station.get("/v1/targets").await.json["targets"][0]["name"], "wing");
 }
+
+const ROS: &str = include_str!("../data/cameras/ros.yaml");
+const XML: &str = include_str!("../data/cameras/opencv_fisheye.xml");
+
+#[tokio::test]
+async fn a_camera_is_stored_from_files_of_ros_and_opencv_and_returned_as_such() {
+    let station = Station::start().await;
+    let put = |name: &str, kind: &'static str, body: &'static str| {
+        let request = station.request(Method::PUT, &format!("/v1/cameras/{name}"));
+        read(request.header("content-type", kind).body(body))
+    };
+    let stored = put("front", "application/yaml", ROS).await;
+    assert_eq!((stored.status, &stored.json["fx"]), (StatusCode::CREATED, &json!(608.7)));
+    assert_eq!(put("aft", "application/xml", XML).await.json["distortion"]["model"], "equidistant");
+    put("aft", "text/plain", XML).await.assert_problem(415);
+    put("aft", "application/yaml", "a: [").await.assert_problem(400);
+    assert_eq!(put("aft", "application/yaml", "a: 1").await.assert_problem(422).pointer(), "/image_width");
+    let get = async |query: &str, accept: &str| {
+        let request = station.request(Method::GET, &format!("/v1/cameras/front{query}")).header("accept", accept);
+        let reply = request.send().await.expect("an answer");
+        let header = |name: &str| reply.headers().get(name).expect("a header").to_str().expect("text").to_owned();
+        let (kind, tag) = (header("content-type"), header("etag"));
+        assert_eq!(header("vary"), "accept");
+        (kind, tag, reply.text().await.expect("a text"))
+    };
+    let (kind, json_tag, _) = get("", "application/json, application/yaml").await;
+    assert_eq!(kind, "application/json", "the first of equals");
+    let (kind, tag, text) = get("", "application/json;q=0.5, application/yaml").await;
+    assert_eq!((kind.as_str(), tag), ("application/yaml", format!("W/{json_tag}")));
+    assert!(text.contains("camera_name: \"front\"") && text.contains("distortion_model: plumb_bob"), "{text}");
+    for (format, words) in [
+        ("ros", "projection_matrix"),
+        ("opencv-yaml", "!!opencv-matrix"),
+        ("opencv-xml", "<opencv_storage>"),
+        ("json", "\"fx\":608.7"),
+    ] {
+        let (_, _, text) = get(&format!("?format={format}"), "*/*").await;
+        assert!(text.contains(words), "{format}: {text}");
+    }
+    station.get("/v1/cameras/front?format=toml").await.assert_problem(422);
+    station.get("/v1/cameras/front?fromat=ros").await.assert_problem(422);
+    station.get("/v1/cameras/none?format=ros").await.assert_problem(404);
+}
+
+#[tokio::test]
+async fn a_camera_is_derived_from_a_stored_one_and_keeps_its_origin() {
+    let station = Station::start().await;
+    let mut front = camera(600.0);
+    front["pixel_sigma_px"] = json!(0.1);
+    front["parameter_covariance"] =
+        json!([[4.0, 0.0, 0.0, 0.0], [0.0, 4.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]);
+    assert_eq!(station.put("/v1/cameras/front", &front).await.json, front, "all of it is kept");
+    let half = station.put("/v1/cameras/half", &json!({"derived_from": "front", "width": 320, "height": 240})).await;
+    assert_eq!(half.status, StatusCode::CREATED);
+    let half = station.get("/v1/cameras/half").await.json;
+    assert_eq!([&half["fx"], &half["cx"], &half["cy"]], [&json!(300.0), &json!(159.75), &json!(119.75)]);
+    assert_eq!(half["parameter_covariance"][0][0], 1.0);
+    assert_eq!(half["derived_from"], json!({"name": "front", "width": 640, "height": 480}));
+    assert_eq!(station.put("/v1/cameras/half", &half).await.json, half, "as it is read it can be put");
+    let part = json!({"derived_from": "front", "crop_px": [100, 50, 320, 240], "width": 160, "height": 240});
+    let part = station.put("/v1/cameras/part", &part).await.json;
+    assert_eq!(
+        [&part["fx"], &part["fy"], &part["cx"], &part["cy"]],
+        [&json!(300.0), &json!(600.0), &json!(109.75), &json!(190.0)]
+    );
+    assert_eq!(part["derived_from"]["crop_px"], json!([100, 50, 320, 240]));
+    let nobody = json!({"derived_from": "nobody", "width": 320, "height": 240});
+    assert_eq!(station.put("/v1/cameras/x", &nobody).await.assert_problem(404).pointer(), "/derived_from");
+    let beyond = json!({"derived_from": "front", "crop_px": [400, 50, 320, 240]});
+    assert_eq!(station.put("/v1/cameras/x", &beyond).await.assert_problem(422).pointer(), "/crop_px");
+}

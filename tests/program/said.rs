@@ -20,6 +20,7 @@ impl Said {
         said
     }
 
+    #[allow(dead_code, reason = "not every program prints lines")]
     pub fn lines(&self) -> Vec<Value> {
         self.out.lines().map(|line| serde_json::from_str(line).expect("a line is JSON")).collect()
     }

@@ -59,7 +59,7 @@ impl Print {
         rectangle(bar, end);
         for shape in self.ink() {
             if let Shape::Disc { centre, radius } = shape {
-                circle(&mut content, &place, centre, radius);
+                circle(&mut content, place, centre, radius);
             }
         }
         // One path, so that no reader leaves a seam between two that touch.

@@ -87,7 +87,7 @@ fn settled(raw: &Plane, tags: &[Tag], grid: &AprilGrid) -> Vec<SeenPoint> {
     let usual = noises.get(noises.len() / 2).copied().unwrap_or_default();
     // What stands before a corner is no noise.
     fits.retain(|(_, fit)| fit.noise_ratio() < (3.0 * usual).max(0.04));
-    let likeness = crossing::Likeness::of(fits.iter().map(|(_, fit)| fit));
+    let likeness = crossing::Likeness::of(&fits.iter().map(|(_, fit)| fit));
     let mut points: Vec<SeenPoint> = fits
         .iter()
         .filter_map(|(point, fit)| {

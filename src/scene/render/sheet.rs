@@ -93,6 +93,7 @@ pub fn render_sheet(
     sensor::frame_of(&blur::through_lens(radiance(rays, camera_from_board, sheet, optics), optics), optics, rng)
 }
 
+#[expect(clippy::float_cmp, reason = "light that was copied, not computed")]
 fn radiance(rays: &Rays, camera_from_board: &CameraFromBoard, sheet: &Sheet, optics: &Optics) -> Radiance {
     let (width, height) = (rays.width, rays.height);
     let colours = [sheet.paper_rgb, sheet.ink_rgb, sheet.around_rgb].map(of_srgb);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::inputs::{given, unreadable};
+use super::inputs::{given, given_camera, unreadable};
 use super::{SettingsArgs, Stop, runtime};
 use crate::assess::AssessOptions;
 use crate::shell::console::print_line;
@@ -21,7 +21,7 @@ pub(super) struct Assess {
     /// The target: a JSON file, or with --data the name of a stored one.
     #[arg(value_name = "TARGET")]
     target: PathBuf,
-    /// The camera: a JSON file, or with --data the name of a stored one.
+    /// The camera: a file (JSON, ROS' YAML, OpenCV's YAML or XML), or with --data the name of a stored one.
     #[arg(long, value_name = "CAMERA")]
     camera: PathBuf,
     /// Standard deviation of a centroid per axis, px, with all that camera and target model add [default: 0.3].
@@ -50,7 +50,7 @@ impl Assess {
         let others: Result<Vec<_>, Fault> = self.others.iter().map(|path| given::<TargetWire>(path, stored)).collect();
         let request = AssessmentRequest {
             id: None,
-            camera: given(&self.camera, stored)?,
+            camera: given_camera(&self.camera, stored)?,
             target: given(&self.target, stored)?,
             pixel_sigma: self.pixel_sigma.unwrap_or(AssessOptions::default().pixel_sigma),
             ranges_m: None,

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::inputs::{bytes_of, frames_of, given, unreadable_source};
+use super::inputs::{bytes_of, frames_of, given, given_camera, unreadable_source};
 use super::moving::{self, MovingArgs};
 use super::pictures::Pictures;
 use super::requests::Requests;
@@ -22,7 +22,7 @@ use crate::shell::store::Store;
 use crate::shell::wire::detector::{DetectorWire, GrayName, Method, Preset};
 use crate::shell::wire::frame::OrientationHandling;
 use crate::shell::wire::pose::SolverName;
-use crate::shell::wire::{CameraWire, FrameRequest, Problem, TargetWire, from_value};
+use crate::shell::wire::{FrameRequest, Problem, TargetWire, from_value};
 
 /// What both commands take.
 #[derive(Args, Debug)]
@@ -95,7 +95,7 @@ pub(super) struct Detect {
 pub(super) struct Estimate {
     #[command(flatten)]
     frames: Frames,
-    /// The camera: a JSON file, or with --data the name of a stored one.
+    /// The camera: a file (JSON, ROS' YAML, OpenCV's YAML or XML), or with --data the name of a stored one.
     #[arg(long, value_name = "FILE", required_unless_present = "requests")]
     camera: Option<PathBuf>,
     /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times.
@@ -124,7 +124,7 @@ impl Detect {
 impl Estimate {
     pub(super) fn run(self) -> Result<(), Stop> {
         let stored = self.frames.settings.data.is_some();
-        let camera = self.camera.as_deref().map(|path| given::<CameraWire>(path, stored)).transpose()?;
+        let camera = self.camera.as_deref().map(|path| given_camera(path, stored)).transpose()?;
         let targets: Result<Vec<_>, Fault> = self.target.iter().map(|path| given::<TargetWire>(path, stored)).collect();
         let request = FrameRequest {
             camera,

@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use crate::board::Board;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::Source;
-use crate::shell::wire::{PatternOrText, Ref, from_json};
+use crate::shell::wire::{CameraWire, PatternOrText, Ref, from_json, read_camera};
 
 /// Names that pictures end in.
 const PICTURES: [&str; 11] = ["jpg", "jpeg", "png", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "pbm", "pnm"];
@@ -58,6 +58,23 @@ pub(super) fn given<T: DeserializeOwned>(path: &Path, stored: bool) -> Result<Re
         return Ok(Ref::Name(path.display().to_string()));
     }
     json_of(path).map(Ref::Object)
+}
+
+/// A camera in a file of any format.
+pub(super) fn camera_of(path: &Path) -> Result<CameraWire, Fault> {
+    read_camera(&bytes_of(path)?).map_err(|fault| Fault {
+        detail: format!("{}: {fault}", path.display()),
+        pointer: None,
+        ..fault
+    })
+}
+
+/// A camera's file, or a name if there is a store and no such file.
+pub(super) fn given_camera(path: &Path, stored: bool) -> Result<Ref<CameraWire>, Fault> {
+    if stored && !path.exists() {
+        return Ok(Ref::Name(path.display().to_string()));
+    }
+    camera_of(path).map(Ref::Object)
 }
 
 /// A pattern and its board: the text form, or a JSON file.

@@ -15,7 +15,7 @@ use tokio::sync::mpsc::Receiver;
 use tokio::time::Instant;
 
 use super::frames::named;
-use super::inputs::{bytes_of, given};
+use super::inputs::{bytes_of, given, given_camera};
 use super::moving::MovingArgs;
 use super::{Failures, Stop};
 use crate::shell::console::{Timeline, note, print_line};
@@ -23,7 +23,7 @@ use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::is_interrupted;
 use crate::shell::wire::detector::Method;
 use crate::shell::wire::frame::OrientationHandling;
-use crate::shell::wire::{CameraWire, TargetWire, from_json};
+use crate::shell::wire::{TargetWire, from_json};
 use client::{Client, Reply};
 use feed::{Feed, Shot};
 use tally::Tally;
@@ -48,7 +48,7 @@ pub(super) struct Replay {
     /// The server.
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8080")]
     server: String,
-    /// The camera: a JSON file, or the name of one that the server knows.
+    /// The camera: a file (JSON, ROS' YAML, OpenCV's YAML or XML), or the name of one that the server knows.
     #[arg(long, value_name = "NAME|FILE")]
     camera: Option<PathBuf>,
     /// A target to look for: a JSON file, or the name of one that the server knows. May be given several times.
@@ -134,7 +134,7 @@ impl Replay {
             None => Map::new(),
         };
         if let Some(camera) = &self.camera {
-            let camera = given::<CameraWire>(camera, true)?;
+            let camera = given_camera(camera, true)?;
             request.insert("camera".into(), serde_json::to_value(camera).map_err(internal)?);
         }
         if !self.target.is_empty() {

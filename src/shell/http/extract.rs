@@ -19,7 +19,8 @@ use super::App;
 use super::error::ApiError;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store::check_name;
-use crate::shell::wire::from_json;
+use crate::shell::wire::camera_file::{from_xml, from_yaml};
+use crate::shell::wire::{CameraPut, from_json};
 
 /// A JSON body.
 #[derive(Debug)]
@@ -38,6 +39,35 @@ impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
         }
         let bytes = read(&parts.headers, body, app.service.settings().http.max_json_bytes).await?;
         Ok(Self(from_json(&bytes)?))
+    }
+}
+
+/// What a camera is stored from: JSON, or a file of ROS or OpenCV.
+#[derive(Debug)]
+pub struct CameraBody(pub CameraPut);
+
+impl FromRequest<App> for CameraBody {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {
+        type Reader = fn(&[u8]) -> Result<CameraPut, Fault>;
+        let (parts, body) = request.into_parts();
+        let essence = content_type(&parts.headers);
+        let read_body: Reader = match essence.as_str() {
+            "application/yaml" | "application/x-yaml" | "text/yaml" | "text/x-yaml" => {
+                |bytes| from_yaml(bytes).map(CameraPut::Camera)
+            }
+            "application/xml" | "text/xml" => |bytes| from_xml(bytes).map(CameraPut::Camera),
+            json if json == "application/json" || json.ends_with("+json") => CameraPut::read,
+            _ => {
+                let given =
+                    if essence.is_empty() { "no content type".into() } else { format!("content type {essence}") };
+                let detail = format!("{given}: application/json, application/yaml and application/xml are read here");
+                return Err(Fault::new(FaultKind::NotAFrame, detail).into());
+            }
+        };
+        let bytes = read(&parts.headers, body, app.service.settings().http.max_json_bytes).await?;
+        Ok(Self(read_body(&bytes)?))
     }
 }
 

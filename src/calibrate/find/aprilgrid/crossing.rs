@@ -180,7 +180,7 @@ pub(super) struct Likeness {
 const LIKE_PX: isize = 2;
 
 impl Likeness {
-    pub(super) fn of<'a>(fits: impl Iterator<Item = &'a Fit> + Clone) -> Self {
+    pub(super) fn of<'a>(fits: &(impl Iterator<Item = &'a Fit> + Clone)) -> Self {
         let half = |[right, down]: &[isize; 2]| *down > 0 || *right >= 0;
         let all = (0..=LIKE_PX).flat_map(|down| (-LIKE_PX..=LIKE_PX).map(move |right| [right, down]));
         let mean = |[right, down]: [isize; 2]| {

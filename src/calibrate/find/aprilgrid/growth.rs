@@ -33,10 +33,10 @@ pub(super) fn grow(raw: &Plane, corners: &[Corner], tags: &mut Vec<Tag>, grid: &
                 if !is_there {
                     continue;
                 }
-                if let Some(tag) = read(raw, corners, &tags[next], number, Vector2::from(way), grid) {
-                    if !tags.iter().any(|other| other.is_same(&tag)) {
-                        tags.push(tag);
-                    }
+                if let Some(tag) = read(raw, corners, &tags[next], number, Vector2::from(way), grid)
+                    && !tags.iter().any(|other| other.is_same(&tag))
+                {
+                    tags.push(tag);
                 }
             }
         }
@@ -71,7 +71,7 @@ fn nearest(corners: &[Corner], pixel: &Pixel, reach_px: f64) -> Option<Pixel> {
 impl Tag {
     /// Where a place is seen, in sides of the tag from its lower left corner.
     fn pixel_of(&self, place: &Vector2<f64>) -> Option<Pixel> {
-        let image = self.pixel_from_tag * Vector3::new(place.x, place.y, 1.0);
+        let image = self.pixel_from_sides * Vector3::new(place.x, place.y, 1.0);
         (image.z > 0.0).then(|| image.xy() / image.z)
     }
 }

@@ -46,7 +46,9 @@ pub(super) fn of(tags: Vec<Tag>, grid: &AprilGrid) -> Seen {
         return Seen::Several(count);
     }
     let mut stays = vec![false; tags.len()];
-    first.iter().for_each(|tag| stays[*tag] = true);
+    for tag in first {
+        stays[*tag] = true;
+    }
     let mut board: Vec<Tag> = tags.into_iter().zip(stays).filter(|(_, stays)| *stays).map(|(tag, _)| tag).collect();
     board.sort_by_key(|tag| tag.number);
     Seen::Board(board)

@@ -71,7 +71,7 @@ fn ways(corner: &Corner) -> [Vector2<f64>; 4] {
 /// The way that leaves a corner to the right of where one comes from.
 fn turned_right(corner: &Corner, along: &Vector2<f64>) -> usize {
     let [a, b] = corner.edges.map(|edge| edge.dot(along).abs());
-    let other = if a > b { 1 } else { 0 };
+    let other = usize::from(a > b);
     if along.perp(&corner.edges[other]) > 0.0 { other } else { other + 2 }
 }
 

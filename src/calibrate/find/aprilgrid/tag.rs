@@ -28,8 +28,8 @@ pub(super) struct Tag {
     /// White less black, codes.
     contrast: f64,
     /// From the tag's space, its lower left corner the origin, its side 1, y down as on the board, to pixels.
-    pub pixel_from_tag: Matrix3<f64>,
-    tag_from_pixel: Matrix3<f64>,
+    pub pixel_from_sides: Matrix3<f64>,
+    sides_from_pixel: Matrix3<f64>,
 }
 
 /// Cells of a side.
@@ -45,12 +45,12 @@ impl Tag {
         let mut turn = code;
         for first in 0..4 {
             let nearest = tag36h11::CODES.iter().map(|other| (turn ^ other).count_ones()).enumerate();
-            if let Some((number, wrong)) = nearest.min_by_key(|(_, wrong)| *wrong) {
-                if wrong <= MAX_WRONG {
-                    // The quad is clockwise, its corner `first` the tag's upper left one.
-                    let corners = [3, 2, 1, 0].map(|corner| quad[(first + corner) % 4]);
-                    return Self::checked(number, corners, light.contrast);
-                }
+            if let Some((number, wrong)) = nearest.min_by_key(|(_, wrong)| *wrong)
+                && wrong <= MAX_WRONG
+            {
+                // The quad is clockwise, its corner `first` the tag's upper left one.
+                let corners = [3, 2, 1, 0].map(|corner| quad[(first + corner) % 4]);
+                return Self::checked(number, corners, light.contrast);
             }
             turn = turned(turn);
         }
@@ -59,13 +59,13 @@ impl Tag {
 
     fn checked(number: usize, corners: [Pixel; 4], contrast: f64) -> Option<Self> {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]].map(Vector2::from);
-        let pixel_from_tag = homography(&square, &corners)?;
-        Some(Self { number, corners, contrast, pixel_from_tag, tag_from_pixel: pixel_from_tag.try_inverse()? })
+        let pixel_from_sides = homography(&square, &corners)?;
+        Some(Self { number, corners, contrast, pixel_from_sides, sides_from_pixel: pixel_from_sides.try_inverse()? })
     }
 
     /// Where a pixel lies, in sides of the tag from its lower left corner, as if the board went on flat.
     pub(super) fn place_of(&self, pixel: &Pixel) -> Option<Vector2<f64>> {
-        let place = self.tag_from_pixel * pixel.push(1.0);
+        let place = self.sides_from_pixel * pixel.push(1.0);
         (place.z > 0.0).then(|| place.xy() / place.z)
     }
 
@@ -87,7 +87,7 @@ impl Tag {
     /// Where the fit of a corner begins.
     pub(super) fn start(&self, corner: usize, grid: &AprilGrid) -> Option<Start> {
         let place = [[0.0, 0.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]][corner];
-        let h = &self.pixel_from_tag;
+        let h = &self.pixel_from_sides;
         let image = h * Vector3::new(place[0], place[1], 1.0);
         if !(image.z > 0.0) {
             return None;

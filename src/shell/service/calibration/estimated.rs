@@ -117,7 +117,7 @@ fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> Cali
     });
     let drop: Vec<String> = report.drop.iter().map(|index| sightings[*index].name.clone()).collect();
     CalibrationWire {
-        camera: CameraWire::from(&found.camera),
+        camera: CameraWire { pixel_sigma_px: Some(found.pixel_sigma_px), ..CameraWire::from(&found.camera) },
         reprojection_rms_px: found.rms_px,
         pixel_sigma_px: found.pixel_sigma_px,
         noise_ratio: found.noise_ratio,

@@ -1,0 +1,413 @@
+//! Camera files of other programs: ROS' `camera_calibration` (YAML) and OpenCV's `FileStorage` (YAML and XML).
+//!
+//! They hold the image's size, the camera matrix and the distortion. What they have no place for, the covariance of the parameters above
+//! all, is in JSON only. Rectification and projection, which ROS adds, are of rectified pictures; here pictures are raw, so they are
+//! neither read nor other than trivial when written.
+
+mod tree;
+
+use std::fmt::Write;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use self::tree::Node;
+use super::camera::DistortionModel;
+use super::{CameraWire, DistortionWire, from_json};
+use crate::shell::fault::{Fault, FaultKind};
+
+/// How a camera is written down.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CameraFormat {
+    /// The contract's JSON, the only one with the covariance of the parameters.
+    #[default]
+    Json,
+    /// YAML of ROS' `camera_calibration`.
+    Ros,
+    /// YAML of OpenCV's `FileStorage`.
+    OpencvYaml,
+    /// XML of OpenCV's `FileStorage`.
+    OpencvXml,
+}
+
+impl CameraFormat {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Json, Self::Ros, Self::OpencvYaml, Self::OpencvXml];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Json => "json",
+            Self::Ros => "ros",
+            Self::OpencvYaml => "opencv-yaml",
+            Self::OpencvXml => "opencv-xml",
+        }
+    }
+
+    /// Its media type.
+    #[must_use]
+    pub const fn media_type(self) -> &'static str {
+        match self {
+            Self::Json => "application/json",
+            Self::Ros | Self::OpencvYaml => "application/yaml",
+            Self::OpencvXml => "application/xml",
+        }
+    }
+
+    /// The format of this name.
+    ///
+    /// # Errors
+    /// [`FaultKind::Senseless`] with all names.
+    pub fn of_name(name: &str) -> Result<Self, Fault> {
+        Self::ALL.into_iter().find(|format| format.name() == name).ok_or_else(|| {
+            let names: Vec<&str> = Self::ALL.iter().map(|format| format.name()).collect();
+            Fault::new(FaultKind::Senseless, format!("{name:?} is no format of cameras: {}", names.join(", ")))
+        })
+    }
+}
+
+/// The camera in a file of any of the formats, told by what is in it.
+///
+/// # Errors
+/// What cannot be read, or what of it is no camera.
+pub fn read_camera(bytes: &[u8]) -> Result<CameraWire, Fault> {
+    let text = bytes.trim_ascii_start();
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    match text.first() {
+        Some(b'<') => from_xml(text),
+        Some(b'{') | None => from_json(text),
+        Some(_) => from_yaml(text).map_err(|fault| match fault.kind {
+            FaultKind::Unreadable => Fault { detail: format!("not JSON, and {}", fault.detail), ..fault },
+            _ => fault,
+        }),
+    }
+}
+
+/// The camera in YAML of ROS or of OpenCV.
+///
+/// # Errors
+/// What is no YAML, or what of it is no camera.
+pub fn from_yaml(bytes: &[u8]) -> Result<CameraWire, Fault> {
+    camera_of(&Node::of_yaml(text_of(bytes)?)?)
+}
+
+/// The camera in XML of OpenCV.
+///
+/// # Errors
+/// What is no XML, or what of it is no camera.
+pub fn from_xml(bytes: &[u8]) -> Result<CameraWire, Fault> {
+    camera_of(&Node::of_xml(text_of(bytes)?)?)
+}
+
+fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
+    std::str::from_utf8(bytes).map_err(|error| Fault::new(FaultKind::Unreadable, format!("not UTF-8: {error}")))
+}
+
+/// Names of what a camera needs, as ROS, OpenCV's samples and people write them; case and underscores do not count.
+const MATRIX: [&str; 4] = ["cameramatrix", "intrinsicmatrix", "k", "mtx"];
+const DISTORTION: [&str; 5] = ["distortioncoefficients", "distcoeffs", "distortioncoeffs", "d", "dist"];
+const WIDTH: [&str; 2] = ["imagewidth", "width"];
+const HEIGHT: [&str; 2] = ["imageheight", "height"];
+
+fn camera_of(root: &Node) -> Result<CameraWire, Fault> {
+    let [width, height] = match root.get(&["imagesize"]) {
+        Some((name, size)) => match numbers(name, size)?[..] {
+            [width, height] => [side(name, width)?, side(name, height)?],
+            _ => return Err(Fault::senseless(format!("/{name}"), "an image has a width and a height")),
+        },
+        None => [single(root, &WIDTH, "image_width")?, single(root, &HEIGHT, "image_height")?],
+    };
+    let (name, matrix) = needed(root, &MATRIX, "camera_matrix")?;
+    let matrix: [f64; 9] = numbers(name, matrix)?.try_into().map_err(|found: Vec<f64>| {
+        Fault::senseless(format!("/{name}"), format!("a camera matrix has 3 x 3 numbers, not {}", found.len()))
+    })?;
+    let [fx, skew, cx, zero, fy, cy, first, second, scale] = matrix;
+    if [skew, zero, first, second, scale - 1.0].iter().any(|zero| *zero != 0.0) {
+        let detail = "a camera matrix is [fx, 0, cx, 0, fy, cy, 0, 0, 1]: no skew, and no scale";
+        return Err(Fault::senseless(format!("/{name}"), detail));
+    }
+    let (name, given) =
+        root.get(&DISTORTION).map_or(("distortion_coefficients", None), |(name, node)| (name, Some(node)));
+    let coefficients = given.map(|node| numbers(name, node)).transpose()?.unwrap_or_default();
+    let distortion = distortion_of(root, name, coefficients)?;
+    let camera = CameraWire { distortion, ..CameraWire::pinhole([width, height], [fx, fy], [cx, cy]) };
+    Ok(camera)
+}
+
+/// The lens. ROS names its model, OpenCV's calibration sample says whether it is its fisheye, and otherwise the number of
+/// coefficients tells.
+fn distortion_of(root: &Node, name: &str, coefficients: Vec<f64>) -> Result<DistortionWire, Fault> {
+    let model = match root.get(&["distortionmodel"]) {
+        Some((_, Node::Text(model))) => model.to_ascii_lowercase(),
+        _ => String::new(),
+    };
+    let is_set = |(_, node): (&str, &Node)| matches!(node, Node::Text(text) if text != "0" && text != "false");
+    let is_fisheye = root.get(&["fisheyemodel", "fisheye"]).is_some_and(is_set);
+    let pointer = format!("/{name}");
+    let count = coefficients.len();
+    match model.as_str() {
+        "equidistant" | "fisheye" => {}
+        "" if is_fisheye => {}
+        "" | "none" | "plumb_bob" | "rational_polynomial" | "thin_prism" | "tilted" => {
+            let model = match count {
+                0 => DistortionModel::None,
+                4 | 5 => DistortionModel::PlumbBob,
+                8 | 12 | 14 => DistortionModel::RationalPolynomial,
+                _ => {
+                    let detail = format!("{count} coefficients: OpenCV and ROS have 4, 5, 8, 12 or 14");
+                    return Err(Fault::senseless(pointer, detail));
+                }
+            };
+            if coefficients.iter().skip(8).any(|k| *k != 0.0) {
+                let detail = "the coefficients from the ninth on, of a thin prism (s1 s2 s3 s4) and of a tilted sensor (tx ty), \
+                              are not zero: these models are not among those that are computed here";
+                return Err(Fault::senseless(pointer, detail));
+            }
+            return Ok(DistortionWire { model, coefficients: coefficients.into_iter().take(8).collect() });
+        }
+        _ => {
+            let detail =
+                format!("{model}: plumb_bob, rational_polynomial, equidistant (or fisheye) and none are read here");
+            return Err(Fault::senseless("/distortion_model", detail));
+        }
+    }
+    if count != 4 {
+        return Err(Fault::senseless(pointer, format!("a fisheye has 4 coefficients, not {count}")));
+    }
+    Ok(DistortionWire { model: DistortionModel::Equidistant, coefficients })
+}
+
+fn needed<'a>(root: &'a Node, names: &[&str], usual: &str) -> Result<(&'a str, &'a Node), Fault> {
+    root.get(names).ok_or_else(|| Fault::senseless(format!("/{usual}"), format!("{usual} is missing")))
+}
+
+/// The numbers of a list or of a matrix.
+fn numbers(name: &str, node: &Node) -> Result<Vec<f64>, Fault> {
+    let data = node.get(&["data"]).map_or(node, |(_, data)| data);
+    data.numbers().map_err(|word| Fault::senseless(format!("/{name}"), format!("{word:?} is no number")))
+}
+
+fn single(root: &Node, names: &[&str], usual: &str) -> Result<u32, Fault> {
+    let (name, node) = needed(root, names, usual)?;
+    match numbers(name, node)?[..] {
+        [value] => side(name, value),
+        _ => Err(Fault::senseless(format!("/{name}"), "one number is needed")),
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
+fn side(name: &str, value: f64) -> Result<u32, Fault> {
+    let is_side = value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0;
+    let fault = || Fault::senseless(format!("/{name}"), format!("{value} is no number of pixels"));
+    is_side.then_some(value as u32).ok_or_else(fault)
+}
+
+/// The camera as a text in this format. `name` is what ROS calls it.
+///
+/// # Errors
+/// [`FaultKind::Internal`] if it cannot be written, which does not happen.
+pub fn write_camera(camera: &CameraWire, name: &str, format: CameraFormat) -> Result<String, Fault> {
+    match format {
+        CameraFormat::Json => serde_json::to_string_pretty(camera)
+            .map(|json| json + "\n")
+            .map_err(|error| Fault::new(FaultKind::Internal, error.to_string())),
+        CameraFormat::Ros => Ok(ros(camera, name)),
+        CameraFormat::OpencvYaml => Ok(opencv_yaml(camera)),
+        CameraFormat::OpencvXml => Ok(opencv_xml(camera)),
+    }
+}
+
+/// Model and coefficients; both formats have no pinhole without any.
+fn lens(camera: &CameraWire) -> (&'static str, Vec<f64>) {
+    let coefficients = camera.distortion.coefficients.clone();
+    match camera.distortion.model {
+        DistortionModel::None => ("plumb_bob", vec![0.0; 5]),
+        DistortionModel::PlumbBob => ("plumb_bob", coefficients),
+        DistortionModel::RationalPolynomial => ("rational_polynomial", coefficients),
+        DistortionModel::Equidistant => ("equidistant", coefficients),
+    }
+}
+
+const fn matrix(camera: &CameraWire) -> [f64; 9] {
+    [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]
+}
+
+fn ros(camera: &CameraWire, name: &str) -> String {
+    let CameraWire { width, height, fx, fy, cx, cy, .. } = camera;
+    let (model, coefficients) = lens(camera);
+    let mut text = format!("image_width: {width}\nimage_height: {height}\n");
+    // A JSON string is a YAML one.
+    let name = serde_json::Value::from(name);
+    _ = writeln!(text, "camera_name: {name}");
+    let mut add = |field: &str, rows: usize, data: &[f64]| {
+        let columns = data.len() / rows;
+        let data: Vec<String> = data.iter().map(|value| number(*value)).collect();
+        // Writing to a string never fails.
+        _ = writeln!(text, "{field}:\n  rows: {rows}\n  cols: {columns}\n  data: [{}]", data.join(", "));
+        if field == "camera_matrix" {
+            _ = writeln!(text, "distortion_model: {model}");
+        }
+    };
+    add("camera_matrix", 3, &matrix(camera));
+    add("distortion_coefficients", 1, &coefficients);
+    add("rectification_matrix", 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    add("projection_matrix", 3, &[*fx, 0.0, *cx, 0.0, 0.0, *fy, *cy, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    text
+}
+
+fn opencv_yaml(camera: &CameraWire) -> String {
+    let (model, coefficients) = lens(camera);
+    let fisheye = u8::from(model == "equidistant");
+    let mut text = format!("%YAML:1.0\n---\nimage_width: {}\nimage_height: {}\n", camera.width, camera.height);
+    for (field, rows, data) in [
+        ("camera_matrix", 3, matrix(camera).as_slice()),
+        ("distortion_coefficients", coefficients.len(), &coefficients),
+    ] {
+        let columns = data.len() / rows;
+        let data: Vec<String> = data.iter().map(|value| number(*value)).collect();
+        _ = writeln!(text, "{field}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d");
+        _ = writeln!(text, "   data: [ {} ]", data.join(", "));
+    }
+    _ = writeln!(text, "distortion_model: {model}\nfisheye_model: {fisheye}");
+    text
+}
+
+fn opencv_xml(camera: &CameraWire) -> String {
+    let (model, coefficients) = lens(camera);
+    let fisheye = u8::from(model == "equidistant");
+    let mut text = String::from("<?xml version=\"1.0\"?>\n<opencv_storage>\n");
+    _ = writeln!(text, "<image_width>{}</image_width>\n<image_height>{}</image_height>", camera.width, camera.height);
+    for (field, rows, data) in [
+        ("camera_matrix", 3, matrix(camera).as_slice()),
+        ("distortion_coefficients", coefficients.len(), &coefficients),
+    ] {
+        let columns = data.len() / rows;
+        let data: Vec<String> = data.iter().map(|value| number(*value)).collect();
+        _ = writeln!(text, "<{field} type_id=\"opencv-matrix\">\n  <rows>{rows}</rows>\n  <cols>{columns}</cols>");
+        _ = writeln!(text, "  <dt>d</dt>\n  <data>\n    {}</data></{field}>", data.join(" "));
+    }
+    _ = writeln!(text, "<distortion_model>{model}</distortion_model>\n<fisheye_model>{fisheye}</fisheye_model>");
+    text.push_str("</opencv_storage>\n");
+    text
+}
+
+/// The shortest text that is this number again, with a point and a signed exponent: to YAML 1.1 `1e-5` is a word.
+fn number(value: f64) -> String {
+    let text = format!("{value:?}");
+    match text.split_once('e') {
+        Some((digits, exponent)) => {
+            let point = if digits.contains('.') { "" } else { ".0" };
+            let sign = if exponent.starts_with('-') { "" } else { "+" };
+            format!("{digits}{point}e{sign}{exponent}")
+        }
+        None => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+
+    const ROS: &[u8] = include_bytes!("../../../tests/data/cameras/ros.yaml");
+    const OPENCV_YAML: &[u8] = include_bytes!("../../../tests/data/cameras/opencv.yaml");
+    const OPENCV_XML: &[u8] = include_bytes!("../../../tests/data/cameras/opencv_fisheye.xml");
+    const OPENCV_4_YAML: &[u8] = include_bytes!("../../../tests/data/cameras/opencv4.yaml");
+
+    fn lens_of(camera: &CameraWire) -> (DistortionModel, &[f64]) {
+        (camera.distortion.model, &camera.distortion.coefficients)
+    }
+
+    #[test]
+    #[expect(clippy::float_cmp, reason = "numbers are read exactly")]
+    fn files_of_other_programs_are_read() {
+        let ros = read_camera(ROS).expect("a camera");
+        assert_eq!((ros.width, ros.height), (640, 480));
+        assert_eq!([ros.fx, ros.fy, ros.cx, ros.cy], [608.7, 611.2, 314.25, 240.5]);
+        assert_eq!(lens_of(&ros), (DistortionModel::PlumbBob, &[-0.281, 0.0712, 5e-5, -0.00041, 0.0][..]));
+        for bytes in [OPENCV_YAML, OPENCV_4_YAML] {
+            let opencv = read_camera(bytes).expect("a camera");
+            assert_eq!([opencv.fx, opencv.fy, opencv.cx, opencv.cy], [608.7, 611.2, 314.25, 240.5]);
+            let eight = [-0.281, 0.0712, 5e-5, -0.00041, -0.009, 0.1, -0.02, 0.003];
+            assert_eq!(
+                lens_of(&opencv),
+                (DistortionModel::RationalPolynomial, &eight[..]),
+                "fourteen, six of them zero"
+            );
+        }
+        let fisheye = read_camera(OPENCV_XML).expect("a camera");
+        assert_eq!((fisheye.width, fisheye.height, fisheye.cx), (960, 720, 470.25));
+        assert_eq!(lens_of(&fisheye), (DistortionModel::Equidistant, &[0.02, -0.01, 0.002, 1e-5][..]));
+    }
+
+    #[test]
+    fn every_camera_goes_out_and_in() {
+        let lenses = [
+            (DistortionModel::None, vec![]),
+            (DistortionModel::PlumbBob, vec![-0.281, 0.0712, 5e-7, -0.00041, 1e-300]),
+            (DistortionModel::RationalPolynomial, vec![0.1, -0.2, 1e-4, 2e-4, 0.3, 0.4, 1e22, 0.6]),
+            (DistortionModel::Equidistant, vec![0.02, -0.01, 0.002, 1e-5]),
+        ];
+        for (model, coefficients) in lenses {
+            let camera = CameraWire {
+                distortion: DistortionWire { model, coefficients },
+                ..CameraWire::pinhole([640, 480], [608.7, 1.0 / 3.0 + 600.0], [314.0, 1e-7])
+            };
+            for format in CameraFormat::ALL {
+                let text = write_camera(&camera, "front: \"left\"", format).expect("a text");
+                let back = read_camera(text.as_bytes()).unwrap_or_else(|fault| panic!("{fault}: {text}"));
+                let expected = match (model, format) {
+                    (DistortionModel::None, CameraFormat::Ros | CameraFormat::OpencvYaml | CameraFormat::OpencvXml) => {
+                        DistortionWire { model: DistortionModel::PlumbBob, coefficients: vec![0.0; 5] }
+                    }
+                    _ => camera.distortion.clone(),
+                };
+                assert_eq!(back, CameraWire { distortion: expected, ..camera.clone() }, "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_camera_says_where() {
+        let ros = |from: &str, to: &str| {
+            let text = std::str::from_utf8(ROS).expect("text").replacen(from, to, 1);
+            read_camera(text.as_bytes()).and_then(|wire| Camera::try_from(&wire)).expect_err(to)
+        };
+        for (from, to, pointer) in [
+            ("image_width: 640\n", "", "/image_width"),
+            ("640", "640.5", "/image_width"),
+            ("640", "-640", "/image_width"),
+            ("camera_matrix", "matrix", "/camera_matrix"),
+            ("608.7  ", "many", "/camera_matrix"),
+            ("608.7  ,   0.    ", "608.7, 1.5", "/camera_matrix"),
+            ("0.000000]", "0.0, 1.0]", "/distortion_coefficients"),
+            ("plumb_bob", "scaramuzza", "/distortion_model"),
+            ("plumb_bob", "equidistant", "/distortion_coefficients"),
+            ("608.7  ", ".nan", "/camera_matrix"),
+            ("608.7  ", "-608.7", "/fx"),
+        ] {
+            let fault = ros(from, to);
+            assert_eq!((fault.kind, fault.pointer.as_deref()), (FaultKind::Senseless, Some(pointer)), "{to}: {fault}");
+        }
+        let prism = std::str::from_utf8(OPENCV_YAML).expect("text").replace("0., 0. ]", "0., 1e-3 ]");
+        let fault = read_camera(prism.as_bytes()).expect_err("a tilted sensor");
+        assert!(fault.to_string().contains("tilted sensor"), "{fault}");
+    }
+
+    #[test]
+    fn what_cannot_be_read_says_so() {
+        let deep = "[".repeat(10_000);
+        let aliases = "a: &a [1, 1]\nb: [*a, *a]\n";
+        let xml_deep = format!("<opencv_storage>{}</opencv_storage>", "<a>".repeat(30) + &"</a>".repeat(30));
+        let entities = "<?xml version=\"1.0\"?><!DOCTYPE x [<!ENTITY a \"aaaa\">]><opencv_storage>&a;</opencv_storage>";
+        for text in
+            ["%", "a: [1", "<a", "<html></html>", "{", "", "\u{0}", "- - -\n:::", &deep, aliases, &xml_deep, entities]
+        {
+            let fault = read_camera(text.as_bytes()).expect_err(text);
+            assert!(matches!(fault.kind, FaultKind::Unreadable | FaultKind::Senseless), "{text}: {fault}");
+        }
+        assert_eq!(read_camera(b"image_width: \xff").expect_err("no UTF-8").kind, FaultKind::Unreadable);
+    }
+}
