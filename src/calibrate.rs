@@ -1,7 +1,7 @@
 //! Camera calibration: pictures of a board in, a camera with its covariance and a report out.
 //!
-//! [`find`](find::find) sees the board's points in one picture; [`estimate`](estimate::estimate) makes a camera of many such
-//! sightings.
+//! [`find`](find::find) sees the board's points in one picture; [`calibrate`](estimate::calibrate) makes a camera of many such
+//! sightings; [`report`](report::report) tells how far to trust it.
 
 mod bundle;
 pub mod coverage;

@@ -46,6 +46,14 @@ pub(super) enum Loss {
 }
 
 impl Loss {
+    /// What a step must gain to be of use.
+    const fn least_gain(self) -> f64 {
+        match self {
+            Self::Squares => LEAST_GAIN,
+            Self::Cauchy { c } => LEAST_ROBUST_GAIN * c * c,
+        }
+    }
+
     /// The cost of a squared residual, and its derivative.
     fn of(self, square: f64) -> (f64, f64) {
         match self {
@@ -88,7 +96,10 @@ struct Normal {
 const MAX_ITERATIONS: usize = 200;
 
 /// A step that is predicted to lower the cost by less than this, in units of a standard deviation squared, is of no use.
-const LEAST_GAIN: f64 = 1e-9;
+const LEAST_GAIN: f64 = 1e-6;
+
+/// The same where the loss is to find out what is wrong, in units of its own.
+const LEAST_ROBUST_GAIN: f64 = 1e-3;
 
 impl Bundle<'_> {
     /// The residual of a point, px: seen minus predicted; `None` where the camera does not see it.
@@ -172,7 +183,7 @@ impl Bundle<'_> {
                 }
                 continue;
             };
-            if step.gain < LEAST_GAIN {
+            if step.gain < self.loss.least_gain() {
                 break;
             }
             let moved = self.moved(&state, &step);

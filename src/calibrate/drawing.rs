@@ -149,11 +149,12 @@ pub fn view_errors(found: &Calibration) -> String {
         r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0} {height:.0}" role="img" aria-label="error of each view">"#
     );
     for tick in 0..=4 {
-        let value = top * f64::from(tick) / 4.0;
+        // The uppermost makes room for the unit.
+        let value = if tick < 4 { format!("{:.3}", top * f64::from(tick) / 4.0) } else { String::new() };
         let y = base - reach * f64::from(tick) / 4.0;
         _ = write!(
             text,
-            r##"<path d="M{left} {y:.1}H{width:.0}" stroke="#d5dae0"/><text x="{:.1}" y="{:.1}" font-size="11" text-anchor="end" fill="#49535e">{value:.3}</text>"##,
+            r##"<path d="M{left} {y:.1}H{width:.0}" stroke="#d5dae0"/><text x="{:.1}" y="{:.1}" font-size="11" text-anchor="end" fill="#49535e">{value}</text>"##,
             left - 6.0,
             y + 4.0
         );
