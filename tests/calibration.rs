@@ -37,7 +37,7 @@ fn the_board_is_seen_whole_in_every_real_picture() {
         // Rows lie to the right of columns, and lines are nearly straight: no corner is another's.
         let pixel = |column: usize, row: usize| found[row * 9 + column].pixel;
         for row in 0..6 {
-            for column in 1..8 {
+            for column in 1_usize..8 {
                 let [before, here, after] = [-1, 0, 1].map(|step| pixel(column.saturating_add_signed(step), row));
                 let bend = (before + after - 2.0 * here).norm() / (after - before).norm();
                 assert!(bend < 0.05, "{name}: {column} {row}: {bend}");
