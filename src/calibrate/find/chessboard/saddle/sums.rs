@@ -206,7 +206,7 @@ fn multiply(columns: &[Columns], entries: &mut [Values; ENTRIES]) {
             let first = &columns.0[FROM];
             for (sum, column) in sums.iter_mut().zip(&columns.0[FROM..]) {
                 for k in 0..LANES {
-                    sum[k] = first[k].mul_add(column[k], sum[k]);
+                    sum[k] += first[k] * column[k];
                 }
             }
         }
