@@ -22,7 +22,7 @@ use skypose::scene::boards::{STUDY_BOARDS, STUDY_LENSES, pose_in_view, study_cam
 use skypose::scene::render::{Optics, Rays, Sheet, render_sheet};
 
 /// Pictures of a set.
-const VIEWS: usize = 10;
+const VIEWS: u64 = 10;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -66,7 +66,7 @@ fn study(text: &str, board: &Board, lens: Distortion, sets: u64) {
     println!(
         "| {text} | {} | {made} of {sets} | {found} of {} | {:.2} | {:.2} | {:.3} | {:.2} |",
         lens.name(),
-        sets as usize * VIEWS,
+        sets * VIEWS,
         parameters / made,
         of_rays / made,
         (square / made).sqrt(),

@@ -168,7 +168,7 @@ fn robust_fit(bundle: &Bundle<'_>, options: &CalibrateOptions) -> Result<Fit, Ca
     let mut best: Option<Fit> = None;
     for (camera, poses) in starts(bundle, options.guess.as_ref()).into_iter().take(3) {
         let camera = held(bundle.size, options, &camera)?;
-        let Some(fit) = robust_fit_from(bundle, camera, poses) else { continue };
+        let Some(fit) = robust_fit_from(bundle, &camera, poses) else { continue };
         let is_better = best.as_ref().is_none_or(|best| fit.scale < 0.9 * best.scale);
         if is_better {
             best = Some(fit);
@@ -195,7 +195,7 @@ struct Fit {
     scale_px: f64,
 }
 
-fn robust_fit_from(bundle: &Bundle<'_>, camera: Camera, poses: Vec<Option<CameraFromBoard>>) -> Option<Fit> {
+fn robust_fit_from(bundle: &Bundle<'_>, camera: &Camera, poses: Vec<Option<CameraFromBoard>>) -> Option<Fit> {
     let places: Vec<usize> = (0..poses.len()).filter(|place| poses[*place].is_some()).collect();
     let views: Vec<&[SeenPoint]> = places.iter().map(|place| bundle.views[*place]).collect();
     let mut state = state_of(camera, poses.into_iter().flatten().collect());
@@ -211,7 +211,7 @@ fn robust_fit_from(bundle: &Bundle<'_>, camera: Camera, poses: Vec<Option<Camera
     for round in 0..8 {
         let before = scale;
         scale = noise_of(&fit, &state)?.0;
-        fit.prior = prior(&camera, scale);
+        fit.prior = prior(camera, scale);
         // The first round is far off: everything is an outlier.
         fit.loss = Loss::Cauchy { c: 2.5 * scale.max(1e-9) };
         state = fit.refined(state)?;
@@ -415,7 +415,7 @@ pub(super) fn pose_alone(bundle: &Bundle<'_>, camera: &Camera, view: &[SeenPoint
     let views = [view];
     let alone = Bundle { views: &views, freedom: Freedom::none(), ..*bundle };
     // Points outside the lens' range leave no cost to lower; the start is what there is.
-    Some(alone.refined(state_of(*camera, vec![start])).map_or(start, |state| state.poses[0]))
+    Some(alone.refined(state_of(camera, vec![start])).map_or(start, |state| state.poses[0]))
 }
 
 /// Root mean square distance, px, of the points of a view from where a camera that does not rest on it predicts them, in the best pose.

@@ -76,7 +76,7 @@ impl Trials {
         let models: Vec<(Distortion, Fixed)> = std::iter::once(chosen).chain(usual).collect();
         let mut all = Vec::with_capacity(models.len());
         for (index, (lens, fixed)) in models.iter().enumerate() {
-            let guess = if index == 0 { Some(found.camera) } else { None };
+            let guess = (index == 0).then_some(&found.camera);
             all.push(trial(evidence, &CalibrateOptions { lens: *lens, fixed: *fixed, ..*options }, guess));
             tell((index + 1) as f64 / models.len() as f64);
         }
@@ -118,7 +118,7 @@ fn name_of(lens: &Distortion, fixed: &Fixed) -> (String, usize) {
     (name, free.len())
 }
 
-fn trial(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<Camera>) -> Trial {
+fn trial(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<&Camera>) -> Trial {
     let (name, terms) = name_of(&options.lens, &options.fixed);
     let squares = held_out_squares(evidence, options, guess).unwrap_or_default();
     let points = evidence.views.iter().map(Vec::len);
@@ -131,7 +131,7 @@ fn trial(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<Came
 }
 
 /// Mean squared error of each view under a camera that rests on others.
-fn held_out_squares(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<Camera>) -> Option<Vec<f64>> {
+fn held_out_squares(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<&Camera>) -> Option<Vec<f64>> {
     let count = evidence.views.len();
     let parts = PARTS.min(count);
     if count < MIN_VIEWS + count.div_ceil(parts.max(1)) {
@@ -139,7 +139,7 @@ fn held_out_squares(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: 
     }
     let size = [evidence.camera.width(), evidence.camera.height()];
     // All views together are where the search of each part begins, not what it ends with.
-    let start = match guess.or(options.guess) {
+    let start = match guess.copied().or(options.guess) {
         Some(camera) => camera,
         None => calibrate(size, evidence.board, &evidence.views, options).ok()?.camera,
     };

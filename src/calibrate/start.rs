@@ -171,6 +171,6 @@ fn middle_focal_length(homographies: &[Matrix3<f64>], middle: Vector2<f64>) -> O
 }
 
 /// A state of which every view has a pose.
-pub(super) fn state_of(camera: Camera, poses: Vec<CameraFromBoard>) -> State {
-    State { camera, parameters: super::freedom::parameters_of(&camera), poses }
+pub(super) fn state_of(camera: &Camera, poses: Vec<CameraFromBoard>) -> State {
+    State { camera: *camera, parameters: super::freedom::parameters_of(camera), poses }
 }

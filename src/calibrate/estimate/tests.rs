@@ -168,10 +168,10 @@ fn what_is_held_stays() {
     };
     let options = CalibrateOptions { fixed, ..options(*camera.distortion()) };
     let found = calibrate(SIZE, &board, &views, &options).expect("a camera");
-    assert_eq!(found.camera.focal_lengths()[0], found.camera.focal_lengths()[1]);
-    assert_eq!(found.camera.principal_point(), [319.5, 239.5]);
+    let ([fx, fy], [cx, cy]) = (found.camera.focal_lengths(), found.camera.principal_point());
+    assert!((fx - fy).abs() < 1e-9 && (cx - 319.5).abs() < 1e-9 && (cy - 239.5).abs() < 1e-9);
     assert_eq!(found.camera.distortion().coefficients()[2..], [0.0; 3]);
-    assert_eq!(found.standard_deviations[2], 0.0);
+    assert!(found.standard_deviations[2].abs() < 1e-12);
     assert!((found.camera.focal_lengths()[0] - 530.0).abs() < 4.0 * found.standard_deviations[0]);
     // Held to what a camera says that is known.
     let guess = CalibrateOptions { guess: Some(found.camera), ..options };

@@ -32,10 +32,10 @@ pub(super) struct Calibrate {
     /// dots:..., aprilgrid:6x6:0.03, or a description file of `skypose pattern`.
     #[arg(long, value_name = "PATTERN")]
     pattern: String,
-    /// The lens: none, plumb_bob, rational_polynomial or equidistant (fisheye).
+    /// The lens: `none`, `plumb_bob`, `rational_polynomial` or `equidistant` (fisheye).
     #[arg(long, value_name = "MODEL", default_value = "plumb_bob", value_parser = named::<DistortionModel>)]
     model: DistortionModel,
-    /// Hold at their usual values: aspect_ratio, principal_point, and coefficients as k3; several with commas between.
+    /// Hold at their usual values: `aspect_ratio`, `principal_point`, and coefficients as `k3`; several with commas between.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = named::<FixedWire>)]
     fix: Vec<FixedWire>,
     /// Take the camera also from pictures that say too little.

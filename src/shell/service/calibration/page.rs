@@ -30,6 +30,7 @@ struct Page<'a> {
     factor: f64,
     next_view: Option<String>,
     errors: String,
+    rows: Vec<Row<'a>>,
     pictures: Vec<Picture<'a>>,
 }
 
@@ -48,20 +49,20 @@ struct Picture<'a> {
 /// Pictures that are shown: a page of thousands opens nowhere.
 const MAX_PICTURES: usize = 200;
 
-mod filters {
-    use askama::Values;
+/// A picture's line in the table.
+struct Row<'a> {
+    name: &'a str,
+    points: usize,
+    inliers: usize,
+    rms_px: String,
+    range_m: String,
+    tilt_deg: String,
+    reason: &'a str,
+}
 
-    /// A number with so many digits, or a dash.
-    #[askama::filter_fn]
-    pub fn number(value: &Option<f64>, _: &dyn Values, digits: usize) -> askama::Result<String> {
-        Ok(value.map_or_else(|| "–".into(), |value| format!("{value:.digits$}")))
-    }
-
-    /// An angle, or a dash.
-    #[askama::filter_fn]
-    pub fn degrees(value: &Option<f64>, _: &dyn Values) -> askama::Result<String> {
-        Ok(value.map_or_else(|| "–".into(), |value| format!("{:.0}", value.to_degrees())))
-    }
+/// A number with so many digits after the point, or a dash.
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "–".into(), |value| format!("{value:.digits$}"))
 }
 
 /// The page.
@@ -103,7 +104,17 @@ pub(super) fn page(
             Picture { name: &sighting.name, counts: fitted.counts, svg }
         })
         .collect();
+    let rows = wire.views.iter().map(|view| Row {
+        name: &view.name,
+        points: view.points,
+        inliers: view.inliers,
+        rms_px: number(view.rms_px, 3),
+        range_m: number(view.range_m, 3),
+        tilt_deg: number(view.tilt_rad.map(f64::to_degrees), 0),
+        reason: view.reason.as_deref().unwrap_or_default(),
+    });
     Page {
+        rows: rows.collect(),
         wire,
         pattern: match request.pattern.text() {
             text if text.len() > 80 => format!("{} dots", board.points().len()),
