@@ -117,7 +117,6 @@ fn parameters_lie_within_their_covariance() {
             rays += ray_chi_square(&found.camera, &camera) / sets as f64;
             noise += found.noise_ratio / sets as f64;
         }
-        println!("{}: parameters {parameters:.3}, rays {rays:.3}, noise {noise:.3}", lens.name());
         // Sums of `size` squares: their mean is known to sqrt(2 / (sets size)); four deviations. Terms of a rational lens stand
         // for each other so well that the data leave them open; what they predict is what counts.
         let allowed = 4.0 * (2.0 / (sets as f64 * size)).sqrt();

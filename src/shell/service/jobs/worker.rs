@@ -51,6 +51,10 @@ pub(super) async fn run(jobs: Jobs) {
             }
             return;
         };
+        // The runtime is going, and the process with it.
+        if matches!(&ended, Some(Err(error)) if error.is_cancelled()) {
+            return;
+        }
         tracing::warn!(?ended, "the queue of jobs cannot be read; it is tried again");
         tokio::time::sleep(PAUSE).await;
         jobs.release(&name).await;
