@@ -8,7 +8,7 @@ use super::{SettingsArgs, Stop};
 use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::http::App;
-use crate::shell::http::server::Server;
+use crate::shell::http::server::{Server, take};
 use crate::shell::service::Service;
 use crate::shell::telemetry;
 
@@ -34,8 +34,10 @@ impl Serve {
             .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
         runtime.block_on(async {
             let listen = settings.http.listen;
-            let server = Server::bind(App::new(Service::start(settings).await?))
+            // First the address: a service that cannot be reached must not begin with the jobs that are left.
+            let listener = take(listen)
                 .map_err(|error| Fault::new(FaultKind::Internal, format!("cannot listen on {listen}: {error}")))?;
+            let server = Server::on(listener, App::new(Service::start(settings).await?));
             server.stopper().stop_on_signal()?;
             print_line(&format!("listening on http://{}", server.address()?))?;
             server.run().await?;

@@ -26,15 +26,30 @@ pub struct Stopper {
     handle: Handle<SocketAddr>,
 }
 
+/// Takes an address; who connects waits until a server is on it.
+///
+/// # Errors
+/// If it is taken already or not ours.
+pub fn take(address: SocketAddr) -> io::Result<TcpListener> {
+    let listener = TcpListener::bind(address)?;
+    listener.set_nonblocking(true)?;
+    Ok(listener)
+}
+
 impl Server {
     /// Takes the address of the settings.
     ///
     /// # Errors
     /// If it is taken or not ours.
     pub fn bind(app: App) -> io::Result<Self> {
-        let listener = TcpListener::bind(app.service.settings().http.listen)?;
-        listener.set_nonblocking(true)?;
-        Ok(Self { listener, app, handle: Handle::new() })
+        let listener = take(app.service.settings().http.listen)?;
+        Ok(Self::on(listener, app))
+    }
+
+    /// On an address that was taken before the service was started.
+    #[must_use]
+    pub fn on(listener: TcpListener, app: App) -> Self {
+        Self { listener, app, handle: Handle::new() }
     }
 
     /// The address, with the port that was taken.
