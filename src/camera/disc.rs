@@ -83,7 +83,9 @@ mod tests {
             let centre = Vector3::new(x * z, y * z, z);
             let normal = Vector3::new(tilt.sin() * f64::cos(turn), tilt.sin() * f64::sin(turn), -tilt.cos());
             let fast = camera.disc_centroid(&Point::from(centre), &normal, 0.05).expect("in view");
-            prop_assert!((fast - slow(&camera, &centre, &normal, 0.05)).norm() < 2e-3);
+            // What is left out grows with the fifth power of the disc's size over its distance: nearest, its image is 90 px wide
+            // a side, and 4e-3 px is far below what its centroid is seen to.
+            prop_assert!((fast - slow(&camera, &centre, &normal, 0.05)).norm() < 4e-3);
         }
     }
 
