@@ -1,8 +1,8 @@
 //! Many sightings of a board in, a camera out.
 //!
 //! A start in closed form, then camera and poses together in the least reprojection error, first with a loss that a few wrong
-//! points or a wrong picture hardly move, then, without these, in least squares. The noise of the points is measured by what is left
-//! over, and the covariance of the parameters follows from it.
+//! points or a wrong picture hardly move, then, without these, in least squares. The noise of the points is what they state, or what is
+//! left over where that is more, and the covariance of the parameters follows from it.
 
 use nalgebra::Vector2;
 use thiserror::Error;
@@ -46,7 +46,7 @@ pub struct Calibration {
     /// Standard deviation per axis, px, of what is there besides: a board that is not flat, a lens that no model has. It was added to
     /// every point's own.
     pub model_error_px: f64,
-    /// What is left over in units of both.
+    /// What is left over in units of both, at least 1: that of the covariance.
     pub(super) scale: f64,
     /// Standard deviations of fx, fy, cx, cy and the coefficients; zero for what is held.
     pub standard_deviations: Vec<f64>,
@@ -365,7 +365,10 @@ impl Kept<'_> {
         let slices: Vec<&[SeenPoint]> = self.views.iter().map(Vec::as_slice).collect();
         let bundle = Bundle { views: &slices, prior: prior(&self.state.camera, self.scale), ..self.bundle };
         let freedom = degrees_of_freedom(&bundle).ok_or(CalibrateError::Open)?;
-        let covariance = bundle.covariance(&self.state).ok_or(CalibrateError::Open)? * self.scale.powi(2);
+        // Less than the pictures told is no reason to be surer: what neighbouring points have in common, as what a lens hides between
+        // its pixels, bends the camera and leaves little over.
+        let scale = self.scale.max(1.0);
+        let covariance = bundle.covariance(&self.state).ok_or(CalibrateError::Open)? * scale.powi(2);
         let size = 4 + self.bundle.lens.coefficients().len();
         let rows: Vec<Vec<f64>> = (0..size).map(|r| (0..size).map(|c| covariance[(r, c)]).collect()).collect();
         let camera = self.state.camera.with_parameter_covariance(&rows)?;
@@ -402,7 +405,7 @@ impl Kept<'_> {
             pixel_sigma_px: (total / freedom).sqrt(),
             noise_ratio: (surprise / freedom).sqrt(),
             model_error_px: self.model_error_px,
-            scale: self.scale,
+            scale,
             standard_deviations: (0..size).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect(),
             views,
         })
