@@ -12,6 +12,8 @@ use super::App;
 /// The document's head; routes and schemas come from the handlers.
 #[derive(OpenApi)]
 #[openapi(
+    // The result of a calibration stands in its job as JSON of any kind.
+    components(schemas(crate::shell::wire::calibration::CalibrationWire)),
     info(
         title = "Skypose",
         description = "Six-degree-of-freedom pose of a marked UAV from the frames of a calibrated camera.\n\nUnits stand in the \

@@ -59,7 +59,8 @@ pub fn estimated(
         return Err(plain("cancelled", Fault::new(FaultKind::Conflict, "the calibration was cancelled")));
     }
     if !judged.weaknesses.is_empty() && !request.force {
-        return Err(weak_geometry(judged.weaknesses.iter().map(ToString::to_string).collect()));
+        let missing = judged.weaknesses.iter().map(ToString::to_string).collect();
+        return Err(weak_geometry(missing, ". \"force\" takes the camera all the same"));
     }
     let wire = wire_of(sightings, &found, &judged);
     let page = page::page(&board, request, sightings, &found, &judged, &wire)
@@ -67,15 +68,15 @@ pub fn estimated(
     Ok(Estimated { wire, page })
 }
 
-fn weak_geometry(missing: Vec<String>) -> Refusal {
-    let detail = format!("weak_geometry: {}. \"force\" takes the camera all the same", missing.join("; "));
+fn weak_geometry(missing: Vec<String>, hint: &str) -> Refusal {
+    let detail = format!("weak_geometry: {}{hint}", missing.join("; "));
     Refusal { reason: "weak_geometry", missing, fault: Fault::new(FaultKind::Senseless, detail) }
 }
 
 fn refusal_of(error: &CalibrateError) -> Refusal {
     match error {
-        CalibrateError::TooFewViews { .. } | CalibrateError::Open => weak_geometry(vec![error.to_string()]),
-        CalibrateError::NoFit { .. } | CalibrateError::Camera(_) => Refusal {
+        CalibrateError::TooFewViews { .. } | CalibrateError::Open => weak_geometry(vec![error.to_string()], ""),
+        CalibrateError::NoFit { .. } | CalibrateError::GuessSize { .. } | CalibrateError::Camera(_) => Refusal {
             reason: "no_fit",
             missing: Vec::new(),
             fault: Fault::new(FaultKind::Senseless, error.to_string()),

@@ -1,0 +1,164 @@
+//! The camera of what is right: points and pictures that do not fit are left out, and what noise does not explain is added to the
+//! deviation of every point.
+
+use super::prior::prior;
+use super::robust::{Fit, MEDIAN_DISTANCE};
+use super::view::{fitted, pose_alone};
+use super::{CalibrateError, Calibration, MIN_POINTS};
+use crate::calibrate::SeenPoint;
+use crate::calibrate::bundle::{Bundle, Loss, State};
+use crate::calibrate::start::median;
+use crate::geometry::CameraFromBoard;
+
+/// Points farther from their prediction than this, in units of the measured noise, do not count; of good ones 4 in 100,000 are.
+const GATE: f64 = 4.5;
+
+/// A view does not count where its median error is this many times that of all views.
+const VIEW_GATE: f64 = 6.0;
+
+/// Points by view, those that count only, their deviations with what the model lacks.
+pub(super) struct Kept<'a> {
+    bundle: Bundle<'a>,
+    /// Position in the bundle's views of each that counts.
+    places: Vec<usize>,
+    views: Vec<Vec<SeenPoint>>,
+    state: State,
+    scale: f64,
+    model_error_px: f64,
+}
+
+/// The point, less certain by what the model lacks.
+pub(in crate::calibrate) fn less_certain(seen: &SeenPoint, model_error_px: f64) -> SeenPoint {
+    SeenPoint { sigma_px: seen.sigma_px.hypot(model_error_px), ..*seen }
+}
+
+pub(super) fn without_what_is_wrong<'a>(bundle: &Bundle<'a>, fit: Fit) -> Result<Kept<'a>, CalibrateError> {
+    let Fit { mut places, mut state, mut scale, .. } = fit;
+    let mut model_error_px = 0.0;
+    let mut views: Vec<Vec<SeenPoint>> = Vec::new();
+    for _ in 0..8 {
+        let before: Vec<usize> = views.iter().map(Vec::len).collect();
+        // A view that another camera took, or of another board, is wrong as a whole.
+        let good = places.iter().zip(&state.poses).filter_map(|(place, pose)| {
+            let seen: Vec<SeenPoint> =
+                bundle.views[*place].iter().map(|seen| less_certain(seen, model_error_px)).collect();
+            let distance = |seen: &SeenPoint| {
+                bundle.residual(&state.camera, pose, seen).map_or(f64::INFINITY, |r| r.norm() / seen.sigma_px)
+            };
+            let all: Vec<f64> = seen.iter().map(distance).collect();
+            let is_right = median(&mut all.clone()) / MEDIAN_DISTANCE <= VIEW_GATE * scale;
+            let counts = seen.iter().zip(&all).filter(|(_, distance)| **distance <= GATE * scale);
+            let inliers: Vec<SeenPoint> = counts.map(|(seen, _)| *seen).collect();
+            (is_right && inliers.len() >= MIN_POINTS).then_some((*place, *pose, inliers))
+        });
+        let good: Vec<_> = good.collect();
+        places = good.iter().map(|(place, ..)| *place).collect();
+        state.poses = good.iter().map(|(_, pose, _)| *pose).collect();
+        views = good.into_iter().map(|(.., inliers)| inliers).collect();
+        let slices: Vec<&[SeenPoint]> = views.iter().map(Vec::as_slice).collect();
+        let prior = prior(&state.camera, scale);
+        let least_squares = Bundle { views: &slices, loss: Loss::Squares, prior, ..*bundle };
+        state = least_squares.refined(state).ok_or(CalibrateError::Open)?;
+        let freedom = degrees_of_freedom(&least_squares).ok_or(CalibrateError::Open)?;
+        scale = (least_squares.cost(&state) / freedom).sqrt().max(1e-9);
+        let more_px = lacking_px(&least_squares, &state, freedom);
+        if more_px == 0.0 && views.iter().map(Vec::len).eq(before) {
+            break;
+        }
+        model_error_px = model_error_px.hypot(more_px);
+        for seen in views.iter_mut().flatten() {
+            *seen = less_certain(seen, more_px);
+        }
+        if more_px > 0.0 {
+            scale = 1.0;
+        }
+    }
+    Ok(Kept { bundle: Bundle { loss: Loss::Squares, ..*bundle }, places, views, state, scale, model_error_px })
+}
+
+/// What must be added to every point's own deviation for the residuals to be of the size that they are to have, px; 0 where they are
+/// not larger (Mandel and Paule 1970, "Interlaboratory evaluation of a material with unequal numbers of replicates").
+fn lacking_px(bundle: &Bundle<'_>, state: &State, freedom: f64) -> f64 {
+    let mut squares = Vec::new();
+    for (view, pose) in bundle.views.iter().zip(&state.poses) {
+        for seen in *view {
+            let square = bundle.residual(&state.camera, pose, seen).map_or(0.0, |residual| residual.norm_squared());
+            squares.push((square, seen.sigma_px * seen.sigma_px));
+        }
+    }
+    let excess = |added: f64| squares.iter().map(|(square, own)| square / (own + added)).sum::<f64>() - freedom;
+    // Within a thousandth there is nothing to be added.
+    if excess(0.0) <= 2e-3 * freedom {
+        return 0.0;
+    }
+    let (mut least, mut most) = (0.0, squares.iter().map(|(square, _)| square).sum::<f64>() / freedom);
+    for _ in 0..60 {
+        let middle = 0.5 * (least + most);
+        if excess(middle) > 0.0 {
+            least = middle;
+        } else {
+            most = middle;
+        }
+    }
+    most.sqrt()
+}
+
+/// Equations less unknowns; `None` if there are not more.
+fn degrees_of_freedom(bundle: &Bundle<'_>) -> Option<f64> {
+    let points: usize = bundle.views.iter().map(|view| view.len()).sum();
+    let unknown = bundle.freedom.count() + 6 * bundle.views.len();
+    (2 * points > unknown).then(|| (2 * points - unknown) as f64)
+}
+
+impl Kept<'_> {
+    /// The camera with the evidence; `all` are the views that were given, `useful` those of them that the bundle has.
+    pub fn calibration(&self, all: &[Vec<SeenPoint>], useful: &[usize]) -> Result<Calibration, CalibrateError> {
+        let slices: Vec<&[SeenPoint]> = self.views.iter().map(Vec::as_slice).collect();
+        let bundle = Bundle { views: &slices, prior: prior(&self.state.camera, self.scale), ..self.bundle };
+        let freedom = degrees_of_freedom(&bundle).ok_or(CalibrateError::Open)?;
+        // Less than the pictures told is no reason to be surer: what neighbouring points have in common, as what a lens hides between
+        // its pixels, bends the camera and leaves little over.
+        let scale = self.scale.max(1.0);
+        let covariance = bundle.covariance(&self.state).ok_or(CalibrateError::Open)? * scale.powi(2);
+        let size = 4 + self.bundle.lens.coefficients().len();
+        let rows: Vec<Vec<f64>> = (0..size).map(|r| (0..size).map(|c| covariance[(r, c)]).collect()).collect();
+        let camera = self.state.camera.with_parameter_covariance(&rows)?;
+        let squares = |view: &[SeenPoint], pose: &CameraFromBoard| -> f64 {
+            view.iter().filter_map(|seen| bundle.residual(&camera, pose, seen)).map(|r| r.norm_squared()).sum()
+        };
+        // In units of what was told, before anything was added.
+        let told = |view: usize| all[useful[self.places[view]]].as_slice();
+        let mut surprise = 0.0;
+        for (view, pose) in self.state.poses.iter().enumerate() {
+            for seen in slices[view] {
+                let own =
+                    told(view).iter().find(|own| own.point == seen.point).map_or(seen.sigma_px, |own| own.sigma_px);
+                let residual = bundle.residual(&camera, pose, seen).map_or(0.0, |residual| residual.norm_squared());
+                surprise += residual / (own * own);
+            }
+        }
+        let total: f64 = slices.iter().zip(&self.state.poses).map(|(view, pose)| squares(view, pose)).sum();
+        let points: usize = slices.iter().map(|view| view.len()).sum();
+        let mut views = Vec::with_capacity(all.len());
+        for (index, seen) in all.iter().enumerate() {
+            let place = useful.iter().position(|useful| *useful == index);
+            let kept = place.and_then(|place| self.places.iter().position(|kept| *kept == place));
+            let pose = match kept {
+                Some(kept) => Some(self.state.poses[kept]),
+                None => pose_alone(&self.bundle, &camera, seen),
+            };
+            let seen: Vec<SeenPoint> = seen.iter().map(|seen| less_certain(seen, self.model_error_px)).collect();
+            views.push(fitted(&bundle, &camera, pose, &seen, kept.map(|_| GATE * self.scale)));
+        }
+        Ok(Calibration {
+            camera,
+            rms_px: (total / points as f64).sqrt(),
+            pixel_sigma_px: (total / freedom).sqrt(),
+            noise_ratio: (surprise / freedom).sqrt(),
+            model_error_px: self.model_error_px,
+            scale,
+            standard_deviations: (0..size).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect(),
+            views,
+        })
+    }
+}

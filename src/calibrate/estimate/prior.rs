@@ -1,0 +1,32 @@
+//! What is known of a lens before anything is seen: little, but enough that terms which stand for each other do not run away.
+
+use nalgebra::Vector2;
+
+use crate::calibrate::freedom::Parameters;
+use crate::calibrate::start::middle;
+use crate::camera::{Camera, Distortion};
+
+/// Standard deviation of a lens' term at the picture's corner before anything is seen, in units of the ray's own length.
+const TERM: f64 = 1.0;
+
+/// The same for terms below the fraction bar of a rational lens: beside those above, small ones do as well as large ones.
+const DENOMINATOR_TERM: f64 = 0.6;
+
+/// What is known of a lens before anything is seen. `scale` is the noise of the residuals in their units.
+pub(in crate::calibrate) fn prior(camera: &Camera, scale: f64) -> Parameters {
+    let [fx, fy] = camera.focal_lengths();
+    let corner = middle([camera.width(), camera.height()]).component_div(&Vector2::new(fx, fy)).norm();
+    let square = corner * corner;
+    let powers = match camera.distortion() {
+        Distortion::None => [0; 8],
+        Distortion::PlumbBob(_) | Distortion::RationalPolynomial(_) => [2, 4, 1, 1, 6, 2, 4, 6],
+        Distortion::Equidistant(_) => [2, 4, 6, 8, 0, 0, 0, 0],
+    };
+    let mut prior = Parameters::zeros();
+    for (index, power) in powers.into_iter().enumerate().take(camera.distortion().coefficients().len()) {
+        let is_denominator = matches!(camera.distortion(), Distortion::RationalPolynomial(_)) && index >= 5;
+        let deviation = if is_denominator { DENOMINATOR_TERM } else { TERM };
+        prior[4 + index] = square.powi(power) * (scale / deviation).powi(2);
+    }
+    prior
+}

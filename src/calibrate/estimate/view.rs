@@ -1,0 +1,65 @@
+//! One picture under a camera.
+
+use nalgebra::Vector2;
+
+use super::FittedView;
+use crate::board::Board;
+use crate::calibrate::SeenPoint;
+use crate::calibrate::bundle::{Bundle, Loss};
+use crate::calibrate::freedom::{Freedom, Parameters};
+use crate::calibrate::start::{pose, state_of};
+use crate::camera::Camera;
+use crate::geometry::CameraFromBoard;
+
+/// The best pose of a view under a camera that does not rest on it.
+pub(super) fn pose_alone(bundle: &Bundle<'_>, camera: &Camera, view: &[SeenPoint]) -> Option<CameraFromBoard> {
+    let start = pose(bundle, camera, view)?;
+    let views = [view];
+    let alone = Bundle { views: &views, freedom: Freedom::none(), ..*bundle };
+    // Points outside the lens' range leave no cost to lower; the start is what there is.
+    Some(alone.refined(state_of(camera, vec![start])).map_or(start, |state| state.poses[0]))
+}
+
+/// Root mean square distance, px, of the points of a view from where a camera that does not rest on it predicts them, in the best pose.
+pub(in crate::calibrate) fn rms_of_view_alone(board: &Board, camera: &Camera, view: &[SeenPoint]) -> Option<f64> {
+    let bundle = Bundle {
+        size: [camera.width(), camera.height()],
+        board,
+        views: &[],
+        lens: *camera.distortion(),
+        freedom: Freedom::none(),
+        loss: Loss::Squares,
+        prior: Parameters::zeros(),
+    };
+    let pose = pose_alone(&bundle, camera, view)?;
+    let squares: Option<Vec<f64>> =
+        view.iter().map(|seen| bundle.residual(camera, &pose, seen).map(|r| r.norm_squared())).collect();
+    squares.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
+/// The view under the camera; `gate` where it counts.
+pub(super) fn fitted(
+    bundle: &Bundle<'_>,
+    camera: &Camera,
+    pose: Option<CameraFromBoard>,
+    view: &[SeenPoint],
+    gate: Option<f64>,
+) -> FittedView {
+    let residuals_px: Vec<Option<Vector2<f64>>> =
+        view.iter().map(|seen| pose.and_then(|pose| bundle.residual(camera, &pose, seen))).collect();
+    let inliers: Vec<bool> = residuals_px
+        .iter()
+        .zip(view)
+        .map(|(residual, seen)| {
+            gate.zip(*residual).is_some_and(|(gate, residual)| residual.norm() <= gate * seen.sigma_px)
+        })
+        .collect();
+    let counted: Vec<f64> = residuals_px
+        .iter()
+        .zip(&inliers)
+        .filter(|(_, inlier)| **inlier || gate.is_none())
+        .filter_map(|(residual, _)| residual.map(|r| r.norm_squared()))
+        .collect();
+    let rms_px = (counted.iter().sum::<f64>() / counted.len().max(1) as f64).sqrt();
+    FittedView { camera_from_board: pose, rms_px, counts: gate.is_some(), residuals_px, inliers }
+}
