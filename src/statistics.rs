@@ -18,6 +18,36 @@ pub fn chi_square_quantile(freedom: f64, z: f64) -> f64 {
     freedom * (1.0 - spread + z * spread.sqrt()).powi(3)
 }
 
+/// A share of cases.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rate {
+    /// Those for which it holds.
+    pub count: u64,
+    /// All.
+    pub of: u64,
+}
+
+impl Rate {
+    /// The share; `None` of nothing.
+    #[must_use]
+    pub fn ratio(self) -> Option<f64> {
+        (self.of > 0).then(|| self.count as f64 / self.of as f64)
+    }
+
+    /// Where the true share lies with a confidence of 95 % (Wilson 1927); anywhere of nothing.
+    #[must_use]
+    pub fn interval(self) -> [f64; 2] {
+        let Some(share) = self.ratio() else { return [0.0, 1.0] };
+        let (n, z) = (self.of as f64, TWO_SIDED_95);
+        let centre = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
+        let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
+        [(centre - half).max(0.0), (centre + half).min(1.0)]
+    }
+}
+
+/// A normal variable lies within this many deviations with a probability of 95 %.
+pub const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -27,6 +57,16 @@ mod tests {
         for (z, tabulated) in [(0.0, 0.5), (1.0, 0.841_344_746), (-1.96, 0.024_997_895), (3.0, 0.998_650_102)] {
             assert!((normal_share_below(z) - tabulated).abs() < 1e-7, "{z}");
         }
+    }
+
+    #[test]
+    fn intervals_of_shares_are_wilsons() {
+        // Newcombe, "Two-sided confidence intervals for the single proportion", 1998, table I: 81 of 263, 0 of 20.
+        for (count, of, low, high) in [(81, 263, 0.2553, 0.3662), (0, 20, 0.0, 0.1611)] {
+            let [found_low, found_high] = Rate { count, of }.interval();
+            assert!((found_low - low).abs() < 1e-4 && (found_high - high).abs() < 1e-4, "{found_low} {found_high}");
+        }
+        assert_eq!((Rate::default().ratio(), Rate::default().interval()), (None, [0.0, 1.0]));
     }
 
     #[test]

@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 const WORDS: [&str; 7] = ["geometry", "camera", "target", "board", "frame", "random", "statistics"];
 const FLOW: [&str; 7] = ["detect", "solve", "refine", "pose", "identify", "track", "pipeline"];
 const WORKSHOPS: [&str; 7] = ["scene", "annotate", "assess", "plot", "encounter", "calibrate", "evaluate"];
+/// Workshops that are built on others.
+const BUILT_ON: [(&str, &[&str]); 1] = [("evaluate", &["scene", "plot"])];
 const SHELL: [&str; 1] = ["shell"];
 
 /// What only the shell may name.
@@ -86,6 +88,7 @@ fn known_to(room: &str) -> Option<Vec<&'static str>> {
     known.extend(FLOW);
     if let Some(workshop) = WORKSHOPS.iter().find(|workshop| **workshop == room) {
         known.push(workshop);
+        known.extend(BUILT_ON.iter().filter(|(of, _)| *of == room).flat_map(|(_, tools)| *tools));
         return Some(known);
     }
     known.extend(WORKSHOPS);

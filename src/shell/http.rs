@@ -4,6 +4,7 @@ pub mod conditional;
 pub mod connections;
 pub mod docs;
 pub mod error;
+mod evaluations;
 pub mod extract;
 pub mod health;
 pub mod layers;
@@ -63,6 +64,10 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(calibrations::get, calibrations::delete))
         .routes(routes!(calibrations::events))
         .routes(routes!(calibrations::report))
+        .routes(routes!(evaluations::list, evaluations::post))
+        .routes(routes!(evaluations::get, evaluations::delete))
+        .routes(routes!(evaluations::events))
+        .routes(routes!(evaluations::report))
         .routes(routes!(things::list_targets))
         .routes(routes!(things::get_target, things::put_target, things::delete_target))
 }

@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod compute;
+pub mod evaluation;
 pub mod jobs;
 pub mod lookup;
 pub mod sequences;
@@ -11,17 +12,20 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
+use serde_json::json;
 
 use super::config::Settings;
 use super::fault::Fault;
 use super::store::Store;
+use super::store::jobs::Job;
 use super::wire::sighting::SequenceWire;
 use super::wire::{
-    AssessmentReply, AssessmentRequest, DetectionReply, EstimateReply, FrameRequest, PoseReplies, PoseReply,
-    PoseRequest,
+    AssessmentReply, AssessmentRequest, DetectionReply, EstimateReply, EvaluationRequest, FrameRequest, PoseReplies,
+    PoseReply, PoseRequest,
 };
 use calibration::CalibrationKind;
 use compute::Terms;
+use evaluation::{EVALUATION, EvaluationKind};
 use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
 use sequences::Sequences;
@@ -45,7 +49,7 @@ impl Service {
     /// If the store cannot be opened or a thread cannot be started.
     pub async fn start(settings: Settings) -> Result<Self, Fault> {
         let calibrations = CalibrationKind { limits: settings.frames.limits() };
-        Self::with_kinds(settings, vec![Arc::new(calibrations)]).await
+        Self::with_kinds(settings, vec![Arc::new(calibrations), Arc::new(EvaluationKind)]).await
     }
 
     /// The same with these kinds of jobs.
@@ -129,6 +133,23 @@ impl Service {
     pub async fn assessment(&self, request: AssessmentRequest, deadline: Instant) -> Result<AssessmentReply, Fault> {
         let task = compute::AssessmentTask::checked(request, &self.lookup(), &Terms::of(&self.settings)).await?;
         self.workers.run(deadline, move || task.reply()).await
+    }
+
+    /// Begins an evaluation.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or that the service is full.
+    pub async fn evaluation(
+        &self,
+        request: EvaluationRequest,
+        key: Option<String>,
+        deadline: Instant,
+    ) -> Result<Job, Fault> {
+        let request = evaluation::resolved(request, &self.lookup()).await?;
+        let asked = request.clone();
+        self.workers.run(deadline, move || evaluation::checked(&asked).map(|_| ())).await??;
+        let intake = self.jobs.intake().await?;
+        self.jobs.make(EVALUATION, json!(request), intake, key).await
     }
 
     /// Frame to centroids.

@@ -12,8 +12,8 @@ use super::App;
 /// The document's head; routes and schemas come from the handlers.
 #[derive(OpenApi)]
 #[openapi(
-    // The result of a calibration stands in its job as JSON of any kind.
-    components(schemas(crate::shell::wire::calibration::CalibrationWire)),
+    // The result stands in its job as JSON of any kind.
+    components(schemas(crate::shell::wire::calibration::CalibrationWire, crate::shell::wire::evaluation::EvaluationWire)),
     info(
         title = "Skypose",
         description = "Six-degree-of-freedom pose of a marked UAV from the frames of a calibrated camera.\n\nUnits stand in the \
@@ -29,6 +29,7 @@ use super::App;
         (name = "Poses", description = "Points to pose"),
         (name = "Cameras", description = "Stored cameras"),
         (name = "Calibrations", description = "Pictures of a board to a camera"),
+        (name = "Evaluations", description = "Cases with known truth to figures of solvers"),
         (name = "Targets", description = "Stored targets"),
         (name = "Health", description = "State of the service"),
     )

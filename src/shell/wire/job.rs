@@ -12,13 +12,14 @@ use crate::shell::store::jobs::{Job, JobEvent, JobFile, JobStatus};
 pub struct JobWire {
     /// Names it.
     pub id: String,
-    /// `calibration`.
+    /// `calibration` or `evaluation`.
     pub kind: String,
     /// Where it stands.
     pub status: JobStatus,
     /// The part of it that is done, 0 to 1.
     pub progress: f64,
-    /// Its parts, known once it is prepared. A calibration has one for each picture.
+    /// Its parts, known once it is prepared. A calibration has one for each picture, an evaluation one for each part of its
+    /// runs.
     pub shards: Option<u32>,
     /// Those that are done.
     pub shards_done: u32,

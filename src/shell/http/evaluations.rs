@@ -1,0 +1,114 @@
+//! `/v1/evaluations`: a study in, figures out, by and by.
+
+use axum::Extension;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::App;
+use super::error::ApiError;
+use super::extract::Json;
+use super::jobs::{self, JobId};
+use super::layers::Deadline;
+use crate::shell::service::evaluation::EVALUATION;
+use crate::shell::wire::{EvaluationRequest, JobEventWire, JobWire, Problem};
+
+/// The evaluations.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Evaluations {
+    /// The last made first, without their results.
+    pub evaluations: Vec<JobWire>,
+}
+
+/// Starts an evaluation.
+#[utoipa::path(
+    post, path = "/v1/evaluations", tag = "Evaluations",
+    description = "Puts solvers to many simulated cases with known truth. The work is done afterwards, on as many threads and processes \
+        as there are; the figures are the same to the last digit whenever the same is asked, but for times. The result in the job is \
+        an `Evaluation`.",
+    params(("Idempotency-Key" = Option<String>, Header, description = "The client's name for this request: sent again, it names the same job")),
+    request_body = EvaluationRequest,
+    responses(
+        (status = 202, description = "Taken on", body = JobWire, headers(("Location" = String, description = "Where the job is"))),
+        (status = 409, description = "The `Idempotency-Key` belongs to another request", body = Problem, content_type = "application/problem+json"),
+        (status = "4XX", description = "What is wrong with the request", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "Too many jobs; `Retry-After` says when to try again", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn post(
+    State(app): State<App>,
+    Extension(Deadline(deadline)): Extension<Deadline>,
+    headers: HeaderMap,
+    Json(request): Json<EvaluationRequest>,
+) -> Result<Response, ApiError> {
+    let key = jobs::idempotency_key(&headers)?;
+    let job = app.service.evaluation(request, key, deadline).await?;
+    Ok(jobs::accepted("/v1/evaluations", job))
+}
+
+/// Lists the evaluations.
+#[utoipa::path(get, path = "/v1/evaluations", tag = "Evaluations", responses((status = 200, description = "All evaluations, the last made first", body = Evaluations)))]
+pub async fn list(State(app): State<App>) -> Result<axum::Json<Evaluations>, ApiError> {
+    Ok(axum::Json(Evaluations { evaluations: jobs::list(&app, EVALUATION).await? }))
+}
+
+/// Returns an evaluation.
+#[utoipa::path(
+    get, path = "/v1/evaluations/{id}", tag = "Evaluations",
+    params(("id" = String, Path, description = "Id of the evaluation")),
+    responses(
+        (status = 200, description = "Where it stands, and its result when it has ended", body = JobWire),
+        (status = 404, description = "None of that id", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn get(State(app): State<App>, JobId(id): JobId) -> Result<axum::Json<JobWire>, ApiError> {
+    Ok(jobs::get(&app, EVALUATION, &id).await?)
+}
+
+/// Streams what happens to an evaluation.
+#[utoipa::path(
+    get, path = "/v1/evaluations/{id}/events", tag = "Evaluations",
+    description = "Server-sent events: `progress` with the runs that are done (a JobEventWire), and at last `finished` with the \
+        job. All from the beginning, or those after `Last-Event-ID`. The stream ends with `finished`, or when the service stops.",
+    params(
+        ("id" = String, Path, description = "Id of the evaluation"),
+        ("Last-Event-ID" = Option<i64>, Header, description = "The event that was seen last"),
+    ),
+    responses(
+        (status = 200, description = "The events", body = JobEventWire, content_type = "text/event-stream"),
+        (status = 204, description = "It has ended and all was seen: do not come again"),
+        (status = 404, description = "None of that id", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn events(State(app): State<App>, JobId(id): JobId, headers: HeaderMap) -> Result<Response, ApiError> {
+    Ok(jobs::events(&app, EVALUATION, &id, &headers).await?)
+}
+
+/// Returns the report of an evaluation, for people.
+#[utoipa::path(
+    get, path = "/v1/evaluations/{id}/report", tag = "Evaluations",
+    params(("id" = String, Path, description = "Id of the evaluation")),
+    responses(
+        (status = 200, description = "A page that loads nothing from elsewhere", body = String, content_type = "text/html"),
+        (status = 404, description = "None of that id, or no report of it (yet)", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn report(State(app): State<App>, JobId(id): JobId) -> Result<Response, ApiError> {
+    Ok(jobs::report(&app, EVALUATION, &id).await?)
+}
+
+/// Cancels or removes an evaluation.
+#[utoipa::path(
+    delete, path = "/v1/evaluations/{id}", tag = "Evaluations",
+    params(("id" = String, Path, description = "Id of the evaluation")),
+    responses(
+        (status = 202, description = "It had not ended, and is cancelled now", body = JobWire),
+        (status = 204, description = "It had ended, and is removed with its report"),
+        (status = 404, description = "None of that id", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn delete(State(app): State<App>, JobId(id): JobId) -> Result<Response, ApiError> {
+    Ok(jobs::delete(&app, EVALUATION, &id).await?)
+}
