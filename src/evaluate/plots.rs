@@ -45,7 +45,7 @@ fn runs(sums: &Shard, step: &StepFigures, method: usize) -> Option<Picture> {
     let rows: Vec<_> =
         sums.rows.iter().filter(|row| row.method == method as u64 && row.step == 0 && row.run < MAX_DRAWN).collect();
     let last = rows.last()?.run as f64 + 1.0;
-    let panel = |title: String, label: &str, points: Vec<(f64, f64)>, mean: Option<f64>, deviation: Option<f64>| {
+    let panel = |title: String, y: Axis, points: Vec<(f64, f64)>, mean: Option<f64>, deviation: Option<f64>| {
         let mut series = vec![scattered("one run", points)];
         if let Some(mean) = mean {
             series.push(Series::of("mean", [(1.0, mean), (last, mean)]));
@@ -55,7 +55,7 @@ fn runs(sums: &Shard, step: &StepFigures, method: usize) -> Option<Picture> {
                 series.push(Series { name: "mean +- standard deviation".into(), points });
             }
         }
-        Panel { title, x: Axis::linear("run"), y: Axis::linear(label), series }
+        Panel { title, x: Axis::linear("run"), y, series }
     };
     let mut panels: Vec<Panel> = ERRORS[..6]
         .iter()
@@ -64,14 +64,14 @@ fn runs(sums: &Shard, step: &StepFigures, method: usize) -> Option<Picture> {
             let (what, unit) = name.split_once('_').unwrap_or((name, ""));
             let points = rows.iter().filter_map(|row| Some((row.run as f64 + 1.0, row.error(which)?))).collect();
             let error = &figures.errors[which];
-            panel(what.into(), &format!("error ({unit})"), points, error.mean, error.deviation)
+            panel(what.into(), Axis::linear(format!("error ({unit})")), points, error.mean, error.deviation)
         })
         .collect();
     let times: Vec<(f64, f64)> =
         rows.iter().filter_map(|row| Some((row.run as f64 + 1.0, row.time_s()? * 1e6))).collect();
     let mut moments = super::moments::Moments::default();
     times.iter().for_each(|(_, time)| moments.add(*time));
-    panels.push(panel("time".into(), "time (us)", times, Some(moments.mean), moments.deviation()));
+    panels.push(panel("time".into(), Axis::logarithmic("time (us)"), times, Some(moments.mean), moments.deviation()));
     let name = &figures.method;
     Some(Picture {
         name: format!("runs-{name}"),

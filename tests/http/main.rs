@@ -10,6 +10,7 @@
 mod api;
 mod assessments;
 mod calibrations;
+mod evaluations;
 mod faults;
 mod frames;
 mod killed;

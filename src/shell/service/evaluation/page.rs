@@ -19,6 +19,8 @@ struct Page<'a> {
     computing: String,
     pictures: Vec<Drawing<'a>>,
     undrawn: u64,
+    /// Of a sweep they say more than its many tables.
+    pictures_first: bool,
 }
 
 /// The tables at one value of the sweep, or the only ones.
@@ -93,6 +95,7 @@ pub(super) fn page(study: &Study, wire: &EvaluationWire, pictures: &[Picture]) -
             })
             .collect(),
         undrawn: wire.undrawn,
+        pictures_first: study.sweep.is_some(),
     };
     page.render()
 }
@@ -159,17 +162,18 @@ fn solver(figures: &SolverFigures) -> Solver<'_> {
             number(figures.brier_score, ""),
         ]
     });
+    // A solver alone states nothing of the kind.
+    let claimed = |rate: &RateWire| if figures.consistency.is_some() { percent(rate) } else { dash() };
     let reasons = figures.reasons.iter().map(|(reason, count)| format!("{reason} {count}"));
     Solver {
         figures,
         rates: [
-            &figures.success_rate,
-            &figures.good_rate,
-            &figures.flip_rate,
-            &figures.silent_flip_rate,
-            &figures.ambiguous_rate,
-        ]
-        .map(percent),
+            percent(&figures.success_rate),
+            percent(&figures.good_rate),
+            percent(&figures.flip_rate),
+            claimed(&figures.silent_flip_rate),
+            claimed(&figures.ambiguous_rate),
+        ],
         errors: errors.collect(),
         over_bound: estimate(figures.over_bound),
         reasons: reasons.collect::<Vec<_>>().join(", "),

@@ -1,0 +1,124 @@
+//! Evaluations as jobs: posted, watched, cancelled, removed.
+
+use std::time::Duration;
+
+use reqwest::{Method, StatusCode};
+use serde_json::{Value, json};
+
+use crate::station::{Reply, Station, read};
+
+const PLACE: &str = "/v1/evaluations";
+
+async fn post(station: &Station, request: &Value) -> Reply {
+    read(station.request(Method::POST, PLACE).json(request)).await
+}
+
+fn place_of(reply: &Reply) -> String {
+    assert_eq!(reply.status, StatusCode::ACCEPTED, "{reply:?}");
+    let place = reply.headers["location"].to_str().expect("a text").to_owned();
+    assert_eq!(place, format!("{PLACE}/{}", reply.json["id"].as_str().expect("an id")));
+    place
+}
+
+async fn ended(station: &Station, place: &str) -> Value {
+    for _ in 0..6_000 {
+        let job = station.get(place).await.json;
+        if ["succeeded", "failed", "cancelled"].iter().any(|status| job["status"] == *status) {
+            return job;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    panic!("it does not end: {:?}", station.get(place).await);
+}
+
+#[tokio::test]
+async fn the_thesis_is_evaluated_with_a_report() {
+    let station = Station::start().await;
+    let place = place_of(&post(&station, &json!({"study": "thesis-2012", "runs": 100, "seed": 2012})).await);
+    let job = ended(&station, &place).await;
+    assert_eq!(
+        (&job["status"], &job["kind"], &job["progress"]),
+        (&json!("succeeded"), &json!("evaluation"), &json!(1.0))
+    );
+    let result = &job["result"];
+    assert_eq!(result["request"]["solvers"], json!(["epnp", "posit", "homography"]), "what was not said stands there");
+    for (solver, name) in result["solvers"].as_array().expect("solvers").iter().zip(["epnp", "posit", "homography"]) {
+        assert_eq!((&solver["solver"], &solver["cases"]), (&json!(name), &json!(100)));
+        for error in ["roll_deg", "pitch_deg", "yaw_deg", "x_m", "y_m", "z_m"] {
+            assert!(solver["errors"][error]["mean"].is_f64() && solver["errors"][error]["std"].is_f64(), "{solver}");
+        }
+    }
+    assert!(result["timing"]["solvers"][0]["mean_us"].as_f64() > Some(0.0));
+    let page = station.http.get(format!("{}{place}/report", station.base)).send().await.expect("an answer");
+    assert!(page.headers()["content-security-policy"].to_str().expect("a text").contains("default-src 'none'"));
+    assert!(page.text().await.expect("a page").contains("<svg"));
+    let list = station.get(PLACE).await.json;
+    assert_eq!((&list["evaluations"][0]["id"], list["evaluations"][0].get("result")), (&job["id"], None));
+    let events = station.http.get(format!("{}{place}/events", station.base)).send().await.expect("an answer");
+    let events = events.text().await.expect("a text");
+    assert!(events.contains("runs 1 to 100") && events.contains("event: finished"), "{events}");
+    assert_eq!(read(station.request(Method::DELETE, &place)).await.status, StatusCode::NO_CONTENT);
+    station.get(&place).await.assert_problem(404);
+}
+
+#[tokio::test]
+async fn the_same_is_asked_once_with_one_key_and_comes_out_the_same_without() {
+    let station = Station::start().await;
+    let study = json!({"study": "thesis-2012", "runs": 3000, "seed": 5, "solvers": ["epnp", "homography"]});
+    let with_key = || station.request(Method::POST, PLACE).header("idempotency-key", "a").json(&study);
+    let (first, second) = (read(with_key()).await, read(with_key()).await);
+    assert_eq!(place_of(&first), place_of(&second));
+    let other =
+        station.request(Method::POST, PLACE).header("idempotency-key", "a").json(&json!({"study": "thesis-2012"}));
+    read(other).await.assert_problem(409);
+    let again = place_of(&post(&station, &study).await);
+    let mut results = Vec::new();
+    for place in [place_of(&first), again] {
+        let mut result = ended(&station, &place).await["result"].take();
+        result.as_object_mut().expect("an object").remove("timing");
+        results.push(result);
+    }
+    assert_eq!(results[0], results[1]);
+}
+
+#[tokio::test]
+async fn a_stored_target_is_studied_as_it_was_when_it_was_asked_for() {
+    let station = Station::equipped().await;
+    let study = json!({
+        "study": {"camera": "demo", "target": "wing-six", "poses": {"kind": "in_picture", "range_m": [3, 8], "tilt_rad": [0, 1]}},
+        "runs": 20
+    });
+    let accepted = post(&station, &study).await;
+    assert_eq!(accepted.json["request"]["study"]["target"]["name"], "wing-six", "{accepted:?}");
+    let job = ended(&station, &place_of(&accepted)).await;
+    assert_eq!(job["status"], "succeeded", "{job}");
+    assert!(job["result"]["solvers"][0]["consistency"]["mean_nees"].is_f64(), "{job}");
+}
+
+#[tokio::test]
+async fn what_is_wrong_is_named_and_no_job_made() {
+    let station = Station::start().await;
+    let impossible = json!({"kind": "in_picture", "range_m": [0.01, 0.02], "tilt_rad": [0, 1]});
+    for (request, pointer) in [
+        (json!({"study": "thesis-1912"}), "/study"),
+        (json!({"study": "thesis-2012", "runs": -1}), "/runs"),
+        (json!({"study": "thesis-2012", "solvers": ["epnp", "x"]}), "/solvers/1"),
+        (json!({"study": {"poses": impossible}}), "/study"),
+        (json!({"study": {"camera": "none"}}), "/study/camera"),
+    ] {
+        let reply = post(&station, &request).await;
+        assert!(reply.status == 422 || reply.status == 404, "{reply:?}");
+        assert_eq!(reply.json["pointer"], pointer, "{reply:?}");
+    }
+    assert_eq!(station.get(PLACE).await.json["evaluations"], json!([]));
+}
+
+#[tokio::test]
+async fn a_large_one_is_cancelled_at_once() {
+    let station = Station::start().await;
+    let place = place_of(&post(&station, &json!({"study": "thesis-2012", "runs": 100_000_000})).await);
+    let reply = read(station.request(Method::DELETE, &place)).await;
+    assert_eq!((reply.status, &reply.json["status"]), (StatusCode::ACCEPTED, &json!("cancelled")));
+    let next = place_of(&post(&station, &json!({"study": "thesis-2012"})).await);
+    assert_eq!(ended(&station, &next).await["status"], "succeeded", "its threads are free again");
+}
