@@ -28,7 +28,8 @@
 //!
 //! *Workshops*, which use the flow: [`scene`] makes synthetic truth, from the simulated cases of the 2012 study to rendered
 //! flights; [`annotate`] draws what was found; [`assess`] tells what a constellation is good for before anybody glues its markers;
-//! [`calibrate`] makes a camera of pictures of a [`board`] and tells how far to trust it; [`plot`] draws charts.
+//! [`calibrate`] makes a camera of pictures of a [`board`] and tells how far to trust it; [`evaluate`] holds answers against truth;
+//! [`plot`] draws charts.
 //!
 //! *The wall*: [`shell`]. Only behind it are clocks, files, sockets, threads, logs and serialised shapes: settings,
 //! telemetry, the store, the service with its workers, HTTP, videos and cameras, the command line.
@@ -80,6 +81,7 @@ pub mod board;
 pub mod calibrate;
 pub mod camera;
 pub mod detect;
+pub mod evaluate;
 pub mod frame;
 pub mod geometry;
 pub mod identify;

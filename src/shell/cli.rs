@@ -4,6 +4,7 @@ mod assess;
 mod calibrate;
 mod camera;
 mod demo;
+mod evaluate;
 mod frames;
 mod grab;
 mod inputs;
@@ -62,6 +63,9 @@ enum Command {
     /// Make a camera of pictures of a calibration board, with a report of how far to trust it.
     #[command(after_help = calibrate::EXAMPLES)]
     Calibrate(calibrate::Calibrate),
+    /// Hold recorded frames against their truth: detection, identification, poses, latency.
+    #[command(after_help = evaluate::EXAMPLES)]
+    Evaluate(evaluate::Evaluate),
     /// Convert a camera between JSON and the files of ROS and OpenCV, or derive that of cut-out or scaled pictures.
     Camera(camera::CameraFile),
     /// Draw a calibration board at true scale, as SVG or PDF.
@@ -143,6 +147,7 @@ pub fn run() -> ExitCode {
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
         Command::Calibrate(command) => command.run(),
+        Command::Evaluate(command) => command.run(),
         Command::Camera(command) => command.run(),
         Command::Pattern(command) => command.run(),
         Command::Openapi => print_openapi(),

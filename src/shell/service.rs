@@ -4,6 +4,7 @@ pub mod calibration;
 pub mod compute;
 pub mod jobs;
 pub mod lookup;
+pub mod recorded;
 pub mod sequences;
 pub mod workers;
 

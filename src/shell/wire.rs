@@ -11,6 +11,7 @@ pub mod pattern;
 pub mod pose;
 pub mod prior;
 pub mod problem;
+pub mod recorded;
 pub mod reference;
 pub mod sighting;
 pub mod target;
