@@ -194,7 +194,10 @@ fn what_is_wrong_with_a_truth_is_said_with_its_place() {
     complains("{}", &["truth.json", "/frames"]);
     complains(&with(&|frame| frame["frame"] = json!("b.jpg")), &["/frames/1/frame", "b.jpg", "no such file"]);
     complains(&with(&|frame| frame["frame"] = json!("../a.jpg")), &["/frames/1/frame", "leads out"]);
-    complains(&with(&|frame| _ = frame.as_object_mut().expect("an object").remove("camera")), &["a.jpg", "/frames/1/camera"]);
+    complains(
+        &with(&|frame| _ = frame.as_object_mut().expect("an object").remove("camera")),
+        &["a.jpg", "/frames/1/camera"],
+    );
     complains(&with(&|frame| frame["camera"] = json!("front")), &["/frames/1/camera", "front"]);
     complains(&with(&|frame| frame["camera"]["fx"] = json!(-1)), &["a.jpg", "/frames/1/camera/fx"]);
     complains(
@@ -229,7 +232,23 @@ fn what_cannot_be_decoded_is_named_and_the_rest_goes_on() {
 
 /// A video without loss of a dark thing that crosses a gray sky, `frames` frames of 160 x 120, and the boxes of the thing.
 fn clip(path: &Path, frames: u64) -> Vec<Value> {
-    let arguments = ["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "gray", "-s", "160x120", "-r", "30", "-i", "-", "-c:v", "ffv1"];
+    let arguments = [
+        "-loglevel",
+        "error",
+        "-y",
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "gray",
+        "-s",
+        "160x120",
+        "-r",
+        "30",
+        "-i",
+        "-",
+        "-c:v",
+        "ffv1",
+    ];
     let mut ffmpeg =
         Command::new("ffmpeg").args(arguments).arg(path).stdin(Stdio::piped()).spawn().expect("ffmpeg starts");
     let mut pipe = ffmpeg.stdin.take().expect("piped");
@@ -238,7 +257,11 @@ fn clip(path: &Path, frames: u64) -> Vec<Value> {
         let (x, y) = (20 + 2 * index, 50 + index / 2);
         let pixel = |place: u64| {
             let is_thing = (x..x + 9).contains(&(place % 160)) && (y..y + 5).contains(&(place / 160));
-            if is_thing { 60 } else { u8::try_from(170 + (place / 160) / 4 + (place * 7 + index * 13) % 3).expect("gray") }
+            if is_thing {
+                60
+            } else {
+                u8::try_from(170 + (place / 160) / 4 + (place * 7 + index * 13) % 3).expect("gray")
+            }
         };
         pipe.write_all(&(0..160 * 120).map(pixel).collect::<Vec<u8>>()).expect("writes");
         boxes.push(json!({"frame_index": index, "boxes": [{"box_px": [x, y, 9, 5], "class": "aircraft"}]}));
@@ -258,7 +281,8 @@ fn a_video_is_followed_and_what_it_lacks_is_told() {
     let folder = TempDir::new().expect("a folder");
     let mut frames = clip(&folder.path().join("crossing.mkv"), 40);
     let truth = |frames: &[Value]| {
-        let video = json!({"video": "crossing.mkv", "suite": "crossing", "detector": {"method": "edge"}, "frames": frames});
+        let video =
+            json!({"video": "crossing.mkv", "suite": "crossing", "detector": {"method": "edge"}, "frames": frames});
         fs::write(folder.path().join("truth.json"), json!({"videos": [video]}).to_string()).expect("writes");
     };
     truth(&frames);

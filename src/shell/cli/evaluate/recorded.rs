@@ -10,16 +10,19 @@ use clap::Args;
 
 use super::super::inputs::unwritable;
 use super::super::{SettingsArgs, Stop};
+use crate::detect::Detector;
 use crate::shell::console::{complain, note, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::is_interrupted;
 use crate::shell::service::compute::Terms;
 use crate::shell::service::recorded::{Files, Unit, csv, finish, page, run_unit, units};
 use crate::shell::wire::recorded::UnitOutcome;
+use crate::shell::wire::{DetectorWire, from_json};
 
 pub(in crate::shell::cli) const EXAMPLES: &str = "Examples:
   skypose evaluate recordings --report report.html
   skypose evaluate recordings.zip --json figures.json --cases frames.csv
+  skypose evaluate recordings --detector '{\"method\": \"edge\", \"preset\": \"thesis\"}'
 
 The folder or archive holds frames or videos and truth.json, which says what they show (docs/recorded.md).";
 
@@ -28,6 +31,9 @@ pub(in crate::shell::cli) struct Recorded {
     /// A folder or an archive (zip, tar) of frames or videos with truth.json, or that file itself.
     #[arg(value_name = "FOLDER|ARCHIVE")]
     source: PathBuf,
+    /// Take this detector for all frames, whatever their truth names: JSON as in the API, such as '{"method": "edge", "preset": "thesis"}'.
+    #[arg(long, value_name = "JSON", value_parser = detector)]
+    detector: Option<DetectorWire>,
     /// Write the figures as JSON; - prints them instead of the tables.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -45,6 +51,11 @@ pub(in crate::shell::cli) struct Recorded {
     settings: SettingsArgs,
 }
 
+fn detector(text: &str) -> Result<DetectorWire, String> {
+    let wire: DetectorWire = from_json(text.as_bytes()).map_err(|fault| fault.to_string())?;
+    Detector::try_from(&wire).map(|_| wire).map_err(|fault| fault.to_string())
+}
+
 /// Evaluates.
 pub(super) fn run(asked: &Recorded) -> Result<(), Stop> {
     let settings = asked.settings.load(Vec::new())?;
@@ -53,7 +64,7 @@ pub(super) fn run(asked: &Recorded) -> Result<(), Stop> {
         |fault: Fault, name: &Path| Fault { detail: format!("{}: {fault}", name.display()), pointer: None, ..fault };
     let files = Files::open(source).map_err(|fault| named(fault, source))?;
     let truth = if source.ends_with(files.truth_name()) { source.clone() } else { source.join(files.truth_name()) };
-    let units = units(&files).map_err(|fault| named(fault, &truth))?;
+    let units = units(&files, asked.detector.as_ref()).map_err(|fault| named(fault, &truth))?;
     let threads = asked.threads.map_or_else(|| settings.workers.thread_count(), usize::from);
     let outcomes = looked(&units, &Terms::of(&settings), threads)?;
     for lost in outcomes.iter().flat_map(|outcome| &outcome.failed) {

@@ -61,7 +61,7 @@ pub fn page(name: &str, finished: &Finished) -> Result<String, Fault> {
         failed: &wire.failed,
         targets: of_suites(wire, target_row),
         detections: of_suites(wire, detection_row),
-        errors: errors.filter_map(|(title, errors)| Some(error_table(title, errors.as_ref()?))).collect(),
+        errors: errors.filter_map(|(title, errors)| Some(error_table(title, errors?))).collect(),
         consistency: consistency.filter_map(|(name, found)| Some(consistency_row(name, found.as_ref()?))).collect(),
         reasons: targets.map(|targets| targets.reasons.clone().into_iter().collect()).unwrap_or_default(),
         classes: classes.collect(),
@@ -90,11 +90,11 @@ fn percent(rate: &RateWire) -> String {
 /// The share with its interval, percent.
 fn with_interval(rate: &RateWire) -> String {
     let [low, high] = rate.interval_95.map(|end| 100.0 * end);
-    if rate.total == 0 { "–".into() } else { format!("{} ({low:.1} – {high:.1})", percent(rate)) }
+    if rate.total == 0 { "–".into() } else { format!("{} ({low:.0}–{high:.0})", percent(rate)) }
 }
 
 fn of(rate: &RateWire) -> String {
-    format!("{} of {}", rate.count, rate.total)
+    format!("{}/{}", rate.count, rate.total)
 }
 
 fn optional(value: Option<f64>, digits: usize) -> String {
@@ -127,6 +127,7 @@ fn detection_row(figures: &FiguresWire) -> Option<Vec<String>> {
         found.frames.to_string(),
         of(&found.found),
         with_interval(&found.found),
+        with_interval(&found.frames_found),
         format!("{:.3}", found.false_alarms_per_frame),
     ];
     row.extend(found.operating_points.iter().map(|point| optional(point.reached.map(|r| r.found_share), 3)));

@@ -53,15 +53,21 @@ impl Unit {
     }
 }
 
-/// The pieces of the work, in the order of the truth: pictures, then videos.
+/// The pieces of the work, in the order of the truth: pictures, then videos. `detector` is taken for all, whatever the truth names.
 ///
 /// # Errors
 /// No truth, or one that cannot be read or makes no sense, with the frame and the place.
-pub fn units(files: &Files) -> Result<Vec<Unit>, Fault> {
+pub fn units(files: &Files, detector: Option<&DetectorWire>) -> Result<Vec<Unit>, Fault> {
     let bytes = files.truth()?;
-    let sidecar: SidecarWire = if files.truth_name() == LABELS { labels::read(&bytes)? } else { from_json(&bytes)? };
+    let mut sidecar: SidecarWire =
+        if files.truth_name() == LABELS { labels::read(&bytes)? } else { from_json(&bytes)? };
     if sidecar.frames.is_empty() && sidecar.videos.is_empty() {
         return Err(Fault::senseless("/frames", "a truth without frames and videos"));
+    }
+    if let Some(detector) = detector {
+        let of_frames = sidecar.frames.iter_mut().map(|frame| &mut frame.detector);
+        let of_videos = sidecar.videos.iter_mut().map(|video| &mut video.detector);
+        of_frames.chain(of_videos).for_each(|own| *own = Some(detector.clone()));
     }
     let pictures = sidecar.frames.iter().enumerate().map(|(number, frame)| {
         let place = format!("/frames/{number}");

@@ -55,7 +55,7 @@ fn targets(text: &mut String, wire: &RecordedWire) -> std::fmt::Result {
     }
     writeln!(
         text,
-        "{:<12}{:>7}{:>10}{:>17}{:>12}{:>17}{:>8}{:>9}{:>8}{:>7}{:>10}{:>9}",
+        "{:<12}{:>7}{:>10}{:>18}{:>12}{:>18}{:>8}{:>9}{:>8}{:>7}{:>10}{:>9}",
         "targets",
         "frames",
         "detected",
@@ -72,7 +72,7 @@ fn targets(text: &mut String, wire: &RecordedWire) -> std::fmt::Result {
     for (figures, found) in rows(wire).filter_map(|figures| Some((figures, figures.targets.as_ref()?))) {
         writeln!(
             text,
-            "{:<12}{:>7}{:>10}{:>17}{:>12}{:>17}{:>8}{:>9}{:>8}{:>7}{:>10}{:>9}",
+            "{:<12}{:>7}{:>10}{:>18}{:>12}{:>18}{:>8}{:>9}{:>8}{:>7}{:>10}{:>9}",
             figures.suite,
             figures.frames,
             found.detected.count,
@@ -91,12 +91,13 @@ fn targets(text: &mut String, wire: &RecordedWire) -> std::fmt::Result {
 }
 
 fn detections(text: &mut String, wire: &RecordedWire) -> std::fmt::Result {
-    if wire.all.detection.is_none() {
-        return Ok(());
-    }
+    let Some(all) = &wire.all.detection else { return Ok(()) };
+    // The middle of a box is no centroid; of boxes the seed's rate is told instead, frames in which something was found.
+    let has_centroids = all.axis_rms_px.is_some();
+    let heads = if has_centroids { ["rms, px", "(e/s)^2"] } else { ["frames hit", "rate, %"] };
     writeln!(
         text,
-        "{:<12}{:>7}{:>9}{:>8}{:>17}{:>14}{:>12}{:>7}{:>7}{:>9}{:>8}{:>9}",
+        "{:<12}{:>7}{:>9}{:>8}{:>18}{:>13}{:>9}{:>8}{:>7}{:>12}{:>18}{:>9}",
         "detections",
         "frames",
         "things",
@@ -106,16 +107,23 @@ fn detections(text: &mut String, wire: &RecordedWire) -> std::fmt::Result {
         "at 0.01",
         "at 0.1",
         "at 1",
-        "rms, px",
-        "(e/s)^2",
+        heads[0],
+        heads[1],
         "s/frame"
     )?;
     for (figures, found) in rows(wire).filter_map(|figures| Some((figures, figures.detection.as_ref()?))) {
-        let at =
-            |index: usize| optional(found.operating_points.get(index).and_then(|p| Some(p.reached?.found_share)), 2);
+        let at = |index: usize| {
+            let point = found.operating_points.get(index);
+            optional(point.and_then(|point| Some(point.reached?.found_share)), 3)
+        };
+        let last = if has_centroids {
+            [optional(found.axis_rms_px, 3), optional(found.normalized_mean_square, 2)]
+        } else {
+            [found.frames_found.count.to_string(), percent(&found.frames_found)]
+        };
         writeln!(
             text,
-            "{:<12}{:>7}{:>9}{:>8}{:>17}{:>14.3}{:>12}{:>7}{:>7}{:>9}{:>8}{:>9}",
+            "{:<12}{:>7}{:>9}{:>8}{:>18}{:>13.3}{:>9}{:>8}{:>7}{:>12}{:>18}{:>9}",
             figures.suite,
             found.frames,
             found.found.total,
@@ -125,8 +133,8 @@ fn detections(text: &mut String, wire: &RecordedWire) -> std::fmt::Result {
             at(0),
             at(1),
             at(2),
-            optional(found.axis_rms_px, 3),
-            optional(found.normalized_mean_square, 2),
+            last[0],
+            last[1],
             seconds(wire, &figures.suite)
         )?;
     }
@@ -134,10 +142,12 @@ fn detections(text: &mut String, wire: &RecordedWire) -> std::fmt::Result {
 }
 
 fn poses(text: &mut String, found: &TargetFiguresWire) -> std::fmt::Result {
-    for (title, errors) in [("errors of all poses", &found.errors), ("errors of right poses", &found.errors_of_right)] {
-        if let Some(errors) = errors {
-            pose_errors(text, title, errors)?;
-        }
+    if let Some(errors) = &found.errors {
+        pose_errors(text, "errors of all poses", errors)?;
+    }
+    // Where all are right they are the same.
+    if let Some(errors) = found.errors_of_right.as_ref().filter(|_| found.errors != found.errors_of_right) {
+        pose_errors(text, "errors of right poses", errors)?;
     }
     let held: [(&str, &Option<ConsistencyWire>); 2] =
         [("all", &found.normalized_error_squared), ("called reliable", &found.normalized_error_squared_of_reliable)];
