@@ -43,9 +43,11 @@ pub fn page(name: &str, finished: &Finished) -> Result<String, Fault> {
     let (wire, plots) = (&finished.wire, &finished.plots);
     let all = &wire.all;
     let targets = all.targets.as_ref();
-    let errors = targets
-        .into_iter()
-        .flat_map(|targets| [("Of all poses", &targets.errors), ("Of the right poses", &targets.errors_of_right)]);
+    let errors = targets.into_iter().flat_map(|targets| {
+        // Where all are right they are the same.
+        let of_right = targets.errors_of_right.as_ref().filter(|_| targets.errors != targets.errors_of_right);
+        [("Of all poses", targets.errors.as_ref()), ("Of the right poses", of_right)]
+    });
     let consistency = targets.into_iter().flat_map(|targets| {
         [
             ("all", &targets.normalized_error_squared),
