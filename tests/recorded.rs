@@ -204,7 +204,8 @@ fn what_is_wrong_with_a_truth_is_said_with_its_place() {
         &with(&|frame| frame["pose"]["rotation"]["matrix"][0] = json!([2, 0, 0])),
         &["a.jpg", "/frames/1/pose/rotation/matrix", "no rotation"],
     );
-    complains(&with(&|frame| frame["markers"][2]["marker"] = json!("tail")), &["/frames/1/markers/2/marker", "tail"]);
+    complains(&with(&|frame| frame["markers"][2]["marker"] = json!("fin")), &["/frames/1/markers/2/marker", "fin"]);
+    complains(&with(&|frame| frame["markers"][2] = frame["markers"][0].clone()), &["/frames/1/markers/2", "before"]);
     complains(&with(&|frame| frame["detectr"] = json!({})), &["/frames/1", "detectr"]);
     complains(&with(&|frame| frame["boxes"] = json!([{"box_px": [0, 0, -1, 4]}])), &["/frames/1/boxes/0/box_px"]);
     complains(r#"{"frames": [{"frame": "a.jpg"}]}"#, &["/frames/0", "nothing is known"]);

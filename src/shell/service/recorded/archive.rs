@@ -50,9 +50,9 @@ pub(super) fn unpack(path: &Path) -> Result<Option<Unpacked>, Fault> {
     }
     let mut unpacked = Unpacked::new(MOST_BYTES)?;
     if is_zip {
-        unpacked.take_zip(file)?
+        unpacked.take_zip(file)?;
     } else {
-        unpacked.take_tar(file)?
+        unpacked.take_tar(file)?;
     }
     Ok(Some(unpacked))
 }

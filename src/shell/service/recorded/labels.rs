@@ -20,8 +20,11 @@ struct Labels {
 struct Clip {
     /// The suite.
     class: String,
-    frames: Vec<Vec<(usize, f64, f64, f64, f64)>>,
+    frames: Vec<Vec<Label>>,
 }
+
+/// Class, x, y, width, height.
+type Label = (usize, f64, f64, f64, f64);
 
 /// The truth of the clips.
 ///
@@ -32,7 +35,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<SidecarWire, Fault> {
     let detector = DetectorWire { method: Method::Edge, ..DetectorWire::default() };
     let video = |(name, clip): (&String, &Clip)| {
         let frames = clip.frames.iter().zip(0..).map(|(boxes, frame_index)| {
-            let one = |&(class, x, y, width, height): &(usize, f64, f64, f64, f64)| {
+            let one = |&(class, x, y, width, height): &Label| {
                 let known = labels.classes.get(class).ok_or_else(|| {
                     Fault::senseless(
                         format!("/clips/{name}/frames/{frame_index}"),

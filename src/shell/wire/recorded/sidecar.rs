@@ -372,6 +372,9 @@ impl Said<'_> {
                 let detail = format!("the target {} has no marker {:?}", target.name(), marker.marker);
                 Fault::senseless(format!("/markers/{number}/marker"), detail)
             })?;
+            if known[place] != MarkerTruth::Unseen {
+                return Err(Fault::senseless(format!("/markers/{number}"), "a marker that was named before"));
+            }
             let pixel = Pixel::new(marker.u_px, marker.v_px);
             known[place] = match marker.state {
                 MarkerState::Visible => MarkerTruth::Visible(pixel),
