@@ -1,6 +1,6 @@
 //! Recorded frames with truth: how each answer stands to it, and the figures of many.
 //!
-//! A frame's walk: its [`Truth`] and what the pipeline found make a [`Verdict`] ([`judge`]); verdicts in the order of the frames
+//! A frame's walk: its [`Truth`] and what the pipeline found make a [`Verdict`] ([`judge()`]); verdicts in the order of the frames
 //! make a [`Tally`], and that gives [`Figures`]. A tally keeps its verdicts and sums them at the end, in their order: however the
 //! frames were spread over threads, the figures are the same to the last digit. Times are no part of it; they come in as numbers and
 //! are summed up by [`Spread`].

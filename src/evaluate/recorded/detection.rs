@@ -34,7 +34,7 @@ pub struct DetectionFigures {
     pub error_against_range: Vec<[f64; 2]>,
     /// Over the threshold of the score.
     pub curve: Curve,
-    /// At [`ALLOWANCES`].
+    /// At 0.01, 0.1 and 1 false alarms a frame.
     pub at: Vec<(f64, Option<CurvePoint>)>,
     /// Scores as probabilities: how many of the reports are hits.
     pub scores: Vec<Bin>,

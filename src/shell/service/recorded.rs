@@ -1,7 +1,7 @@
 //! Evaluations of recorded frames: a folder or an archive with its truth in, figures out.
 //!
-//! [`Files`] are what was given; [`units`] checks the truth and cuts the work into pieces, one a picture or a video, that know nothing
-//! of each other; [`run_unit`] takes one through the whole pipeline and judges it, as a shard of a job may; [`finish`] makes the figures of
+//! [`Files`] are what was given; [`units()`] checks the truth and cuts the work into pieces, one a picture or a video, that know nothing
+//! of each other; [`run_unit`] takes one through the whole pipeline and judges it, as a shard of a job may; [`finish()`] makes the figures of
 //! all outcomes in their order.
 
 mod archive;
