@@ -1,4 +1,4 @@
-//! Cases with known truth to figures that can be printed: how well solvers do, side by side.
+//! Cases with known truth to figures that can be printed: of recorded frames ([`recorded`]), and of solvers, side by side.
 //!
 //! A [`Study`] is a rule for drawing cases; [`Shard::run`] puts every method of it to a contiguous part of the runs, and adds up
 //! what came of them in a [`Tally`]. Tallies are merged in the order of their shards, and how a study is cut into shards is a
@@ -14,6 +14,7 @@ pub mod moments;
 pub mod numbers;
 pub mod plots;
 pub mod quantiles;
+pub mod recorded;
 pub mod resample;
 pub mod row;
 pub mod shard;

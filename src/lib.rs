@@ -28,8 +28,8 @@
 //!
 //! *Workshops*, which use the flow: [`scene`] makes synthetic truth, from the simulated cases of the 2012 study to rendered
 //! flights; [`annotate`] draws what was found; [`assess`] tells what a constellation is good for before anybody glues its markers;
-//! [`calibrate`] makes a camera of pictures of a [`board`] and tells how far to trust it; [`plot`] draws charts; [`evaluate`] puts
-//! methods to many cases of [`scene`] and sums up how they do.
+//! [`calibrate`] makes a camera of pictures of a [`board`] and tells how far to trust it; [`plot`] draws charts; [`evaluate`] holds
+//! answers against truth, of cases of [`scene`] and of recorded frames.
 //!
 //! *The wall*: [`shell`]. Only behind it are clocks, files, sockets, threads, logs and serialised shapes: settings,
 //! telemetry, the store, the service with its workers, HTTP, videos and cameras, the command line.

@@ -28,6 +28,16 @@ pub struct Rate {
 }
 
 impl Rate {
+    /// Of a list of answers.
+    pub fn among(answers: impl IntoIterator<Item = bool>) -> Self {
+        let mut rate = Self::default();
+        for holds in answers {
+            rate.count += u64::from(holds);
+            rate.of += 1;
+        }
+        rate
+    }
+
     /// The share; `None` of nothing.
     #[must_use]
     pub fn ratio(self) -> Option<f64> {
@@ -41,7 +51,10 @@ impl Rate {
         let (n, z) = (self.of as f64, TWO_SIDED_95);
         let centre = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
         let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
-        [(centre - half).max(0.0), (centre + half).min(1.0)]
+        // Of none and of all the ends are exact.
+        let low = if self.count == 0 { 0.0 } else { centre - half };
+        let high = if self.count == self.of { 1.0 } else { centre + half };
+        [low, high]
     }
 }
 

@@ -63,7 +63,8 @@ enum Command {
     /// Make a camera of pictures of a calibration board, with a report of how far to trust it.
     #[command(after_help = calibrate::EXAMPLES)]
     Calibrate(calibrate::Calibrate),
-    /// Put solvers to many cases with known truth: the study of the 2012 thesis or any other, with figures and pictures.
+    /// Hold solvers against many simulated cases, as the study of the 2012 thesis does, or the whole pipeline against recorded frames
+    /// of which the truth is known.
     #[command(after_help = evaluate::EXAMPLES)]
     Evaluate(evaluate::Evaluate),
     /// Convert a camera between JSON and the files of ROS and OpenCV, or derive that of cut-out or scaled pictures.

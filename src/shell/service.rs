@@ -5,6 +5,7 @@ pub mod compute;
 pub mod evaluation;
 pub mod jobs;
 pub mod lookup;
+pub mod recorded;
 pub mod sequences;
 pub mod workers;
 

@@ -12,6 +12,8 @@ pub mod pattern;
 pub mod pose;
 pub mod prior;
 pub mod problem;
+pub mod rate;
+pub mod recorded;
 pub mod reference;
 pub mod sighting;
 pub mod target;

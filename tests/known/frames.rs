@@ -17,6 +17,7 @@ pub struct Known {
     /// Of its file.
     pub name: String,
     /// What kind it is.
+    #[allow(dead_code, reason = "not every test asks")]
     pub suite: String,
     /// Whether its markers are LEDs.
     is_lit: bool,
@@ -32,6 +33,8 @@ pub struct Known {
     pub facing: bool,
     /// Centroids of the visible markers' light.
     centroids: BTreeMap<String, Pixel>,
+    /// Where covered markers are.
+    hidden: Vec<Pixel>,
 }
 
 impl Known {
@@ -44,6 +47,12 @@ impl Known {
     /// Where the marker's light is, if it is seen.
     pub fn centroid(&self, marker: usize) -> Option<&Pixel> {
         self.centroids.get(&self.target.markers()[marker].id)
+    }
+
+    /// Where covered markers are.
+    #[allow(dead_code, reason = "not every test asks")]
+    pub fn hidden(&self) -> &[Pixel] {
+        &self.hidden
     }
 }
 
@@ -73,10 +82,11 @@ fn known(folder: &Path, entry: &Value) -> Known {
         let matrix = Matrix3::from_fn(|row, column| number(&pose["rotation"]["matrix"][row][column]));
         CameraFromTarget::new(Rotation3::from_matrix_unchecked(matrix), vector(&pose["translation_m"]))
     });
+    let pixel = |marker: &Value| Vector2::new(number(&marker["u_px"]), number(&marker["v_px"]));
     let centroid = |marker: &Value| {
-        let pixel = || Vector2::new(number(&marker["u_px"]), number(&marker["v_px"]));
-        (marker["state"] == "visible").then(|| (marker["marker"].as_str().expect("an id").to_owned(), pixel()))
+        (marker["state"] == "visible").then(|| (marker["marker"].as_str().expect("an id").to_owned(), pixel(marker)))
     };
+    let hidden = |marker: &&Value| marker["state"] != "visible";
     Known {
         suite: entry["suite"].as_str().expect("a suite").to_owned(),
         is_lit: entry["mode"] == "led",
@@ -86,6 +96,7 @@ fn known(folder: &Path, entry: &Value) -> Known {
         pose,
         facing: entry["front_facing"] == true,
         centroids: list(&entry["markers"]).iter().filter_map(centroid).collect(),
+        hidden: list(&entry["markers"]).iter().filter(hidden).map(pixel).collect(),
         name,
     }
 }

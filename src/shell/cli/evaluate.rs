@@ -1,57 +1,100 @@
-//! `skypose evaluate`.
+//! `skypose evaluate`: solvers on simulated cases, or the whole pipeline on recorded frames.
 
+mod recorded;
 mod study;
 mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::{SettingsArgs, Stop};
+use crate::detect::Detector;
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::service::recorded::Files;
+use crate::shell::wire::{DetectorWire, from_json};
 
 pub(super) const EXAMPLES: &str = "Examples:
   skypose evaluate thesis-2012
   skypose evaluate thesis-2012 --solvers epnp,epnp+refine,auto --runs 1000 --report report.html
   skypose evaluate thesis-2012 --sweep pixel_sigma_px=0.1,0.3,1,3 --report noise.html
-  skypose evaluate study.json --json figures.json --cases cases.csv";
+  skypose evaluate study.json --json figures.json --cases cases.csv
+  skypose evaluate recordings --report report.html
+  skypose evaluate recordings.zip --detector '{\"method\": \"edge\", \"preset\": \"thesis\"}'
+
+A folder or archive holds frames or videos and truth.json, which says what they show (docs/recorded.md).";
 
 #[derive(Args, Debug)]
 pub(super) struct Evaluate {
-    /// `thesis-2012`, or the JSON file of a study as POST /v1/evaluations takes it.
-    #[arg(value_name = "STUDY")]
+    /// `thesis-2012`, or the JSON file of a study as POST /v1/evaluations takes it; or a folder or an archive (zip, tar) of frames or
+    /// videos with truth.json, or that file itself.
+    #[arg(value_name = "STUDY|FOLDER|ARCHIVE")]
     what: PathBuf,
-    /// Cases, at each value of the sweep [default: 100].
+    /// Cases of a study, at each value of its sweep [default: 100].
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
-    /// Names the cases: the same seed has the same figures to the last digit [default: 2012].
+    /// Names the cases of a study: the same seed has the same figures to the last digit [default: 2012].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// What is compared, with commas between: a solver alone (epnp), the service's answer with it (epnp+covariance, epnp+refine,
+    /// What a study compares, with commas between: a solver alone (epnp), the service's answer with it (epnp+covariance, epnp+refine,
     /// epnp+robust), or what the service does when it is free to choose (auto, auto+robust).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     solvers: Option<Vec<String>>,
-    /// One parameter at several values: points, range_m, tilt_rad, max_angle_rad, pixel_sigma_px, outlier_ratio, missing_ratio,
-    /// quantisation_px, focal_error_ratio or center_error_px.
+    /// One parameter of a study at several values: points, range_m, tilt_rad, max_angle_rad, pixel_sigma_px, outlier_ratio,
+    /// missing_ratio, quantisation_px, focal_error_ratio or center_error_px.
     #[arg(long, value_name = "PARAMETER=V,V,...")]
     sweep: Option<String>,
-    /// Threads that compute [default: one for each core].
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    /// Take this detector for all recorded frames, whatever their truth names: JSON as in the API, such as
+    /// '{"method": "edge", "preset": "thesis"}'.
+    #[arg(long, value_name = "JSON", value_parser = detector)]
+    detector: Option<DetectorWire>,
+    /// Threads that compute [default: one for each core]. With 1 no frame waits for another, and latencies are those of a frame alone.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Write the figures as JSON; - prints them instead of the tables.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// Write the report with pictures as a page that needs nothing else.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Write what every solver said of every case: CSV, or where the name ends in .json or .jsonl one JSON object a line.
+    /// Write a table with a row for every case and solver, or every frame: CSV; that of a study also, where the name ends in .json or
+    /// .jsonl, one JSON object a line.
     #[arg(long, value_name = "FILE.csv")]
     cases: Option<PathBuf>,
     #[command(flatten)]
     settings: SettingsArgs,
 }
 
+fn detector(text: &str) -> Result<DetectorWire, String> {
+    let wire: DetectorWire = from_json(text.as_bytes()).map_err(|fault| fault.to_string())?;
+    Detector::try_from(&wire).map(|_| wire).map_err(|fault| fault.to_string())
+}
+
 impl Evaluate {
     pub(super) fn run(self) -> Result<(), Stop> {
-        study::run(&self)
+        let of_studies = [
+            ("--runs", self.runs.is_some()),
+            ("--seed", self.seed.is_some()),
+            ("--solvers", self.solvers.is_some()),
+            ("--sweep", self.sweep.is_some()),
+        ];
+        let of_recordings = [("--detector", self.detector.is_some())];
+        if is_recorded(&self.what) {
+            refuse(&of_studies, "studies", &self.what)?;
+            recorded::run(&self)
+        } else {
+            refuse(&of_recordings, "recorded frames", &self.what)?;
+            study::run(&self)
+        }
     }
+}
+
+fn is_recorded(what: &Path) -> bool {
+    what.is_dir() || Files::is_truth(what) || what.is_file() && what.extension().is_none_or(|ending| ending != "json")
+}
+
+fn refuse(options: &[(&str, bool)], of: &str, what: &Path) -> Result<(), Fault> {
+    options.iter().find(|(_, given)| *given).map_or(Ok(()), |(option, _)| {
+        Err(Fault::new(FaultKind::Senseless, format!("{option} is for {of}, which {} is not", what.display())))
+    })
 }

@@ -40,7 +40,7 @@ pub(super) fn run(asked: &Evaluate) -> Result<(), Stop> {
         let detail = format!("{rows} cases are too many for a file: at most {MAX_ROWS} are written");
         return Err(Fault::new(FaultKind::Senseless, detail).into());
     }
-    let threads = asked.threads.unwrap_or_else(|| settings.workers.thread_count());
+    let threads = asked.threads.map_or_else(|| settings.workers.thread_count(), usize::from);
     let mut writer = asked.cases.as_deref().map(|path| Cases::create(path, &study)).transpose()?;
     let keeps_rows = study.keeps_rows() || writer.is_some();
     let sums = computed(&study, threads, keeps_rows, &mut |rows| {

@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use crate::shell::service::evaluation::number;
 use crate::shell::wire::evaluation::EvaluationWire;
-use crate::shell::wire::evaluation::figures::{ComparisonWire, RateWire, SolverFigures, TimingWire};
+use crate::shell::wire::evaluation::figures::{ComparisonWire, SolverFigures, TimingWire};
+use crate::shell::wire::rate::RateWire;
 
 /// Letters for what a line is about.
 const LEFT: usize = 26;

@@ -7,7 +7,8 @@ use crate::evaluate::row::ERRORS;
 use crate::evaluate::study::{Layout, Poses, Study};
 use crate::shell::wire::Ref;
 use crate::shell::wire::evaluation::EvaluationWire;
-use crate::shell::wire::evaluation::figures::{ComparisonWire, EstimateWire, RateWire, SolverFigures};
+use crate::shell::wire::evaluation::figures::{ComparisonWire, EstimateWire, SolverFigures};
+use crate::shell::wire::rate::RateWire;
 
 #[derive(Template)]
 #[template(path = "evaluation.html")]

@@ -11,7 +11,7 @@ use crate::evaluate::figures::{
 };
 use crate::evaluate::row::ERRORS;
 use crate::evaluate::{Shard, Study};
-use crate::statistics::Rate;
+use crate::shell::wire::rate::RateWire;
 
 /// The figures of a study. All but `timing` is the same to the last digit whenever the same is asked.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
@@ -83,26 +83,6 @@ pub struct SolverFigures {
     pub calibration_error: Option<f64>,
     /// Mean squared distance of the stated probability of the best pose from what was the case: 0 is best.
     pub brier_score: Option<f64>,
-}
-
-/// A share of the cases.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
-#[schema(as = Rate)]
-pub struct RateWire {
-    /// Those for which it holds.
-    pub count: u64,
-    /// All.
-    pub of: u64,
-    /// The share; null of nothing.
-    pub ratio: Option<f64>,
-    /// Where the true share lies with a confidence of 95 % (Wilson).
-    pub interval: [f64; 2],
-}
-
-impl From<Rate> for RateWire {
-    fn from(rate: Rate) -> Self {
-        Self { count: rate.count, of: rate.of, ratio: rate.ratio(), interval: rate.interval() }
-    }
 }
 
 /// A figure and where the true one lies with a confidence of 95 %.
