@@ -274,7 +274,7 @@ impl From<StoreError> for Fault {
         let kind = match error {
             StoreError::Precondition { .. } => FaultKind::PreconditionFailed,
             StoreError::Address(_) => FaultKind::Senseless,
-            _ if error.is_passing() => FaultKind::Overloaded,
+            _ if error.is_passing() => FaultKind::Unreachable,
             _ => FaultKind::Internal,
         };
         Self::new(kind, error.to_string())

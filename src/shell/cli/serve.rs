@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use clap::Args;
 
 use super::{SettingsArgs, Stop};
-use crate::shell::config::{Settings, Storage};
+use crate::shell::config::Storage;
 use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::http::App;
@@ -20,7 +20,7 @@ pub(super) struct Serve {
     /// Address and port to listen on; port 0 takes a free one [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<SocketAddr>,
-    /// Database that several servers share, as postgres://user@host/database [default: a file under the data folder].
+    /// Database that several servers share, as `postgres://user@host/database` [default: a file under the data folder].
     #[arg(long, value_name = "ADDRESS")]
     storage: Option<Storage>,
 }
@@ -42,7 +42,7 @@ impl Serve {
             // First the address: a service that cannot be reached must not begin with the jobs that are left.
             let listener = take(listen)
                 .map_err(|error| Fault::new(FaultKind::Internal, format!("cannot listen on {listen}: {error}")))?;
-            let server = Server::on(listener, App::new(started(settings).await?));
+            let server = Server::on(listener, App::new(Service::start(settings).await?));
             server.stopper().stop_on_signal()?;
             print_line(&format!("listening on http://{}", server.address()?))?;
             server.run().await?;
@@ -50,12 +50,4 @@ impl Serve {
             Ok(())
         })
     }
-}
-
-/// A database that cannot be reached is no fault of who started us.
-async fn started(settings: Settings) -> Result<Service, Fault> {
-    Service::start(settings).await.map_err(|fault| match fault.kind {
-        FaultKind::Overloaded => Fault { kind: FaultKind::Internal, ..fault },
-        _ => fault,
-    })
 }

@@ -5,6 +5,7 @@ mod files;
 mod locks;
 mod queue;
 mod session;
+#[allow(clippy::duplicate_mod, reason = "the queries are compiled for each database")]
 #[path = "sql.rs"]
 mod sql;
 
@@ -39,7 +40,6 @@ pub(super) struct Backend {
     pub(super) pool: PgPool,
     /// For what may be lost with the power: who is at which step.
     pub(super) fleeting: PgPool,
-    options: PgConnectOptions,
 }
 
 impl Backend {
@@ -59,8 +59,7 @@ impl Backend {
         };
         let backend = Self {
             pool: pool(CONNECTIONS, "SET synchronous_commit = on").connect_lazy_with(options.clone()),
-            fleeting: pool(WORKER_CONNECTIONS, "SET synchronous_commit = off").connect_lazy_with(options.clone()),
-            options,
+            fleeting: pool(WORKER_CONNECTIONS, "SET synchronous_commit = off").connect_lazy_with(options),
         };
         // One process after the other: the migrator sees to that.
         let mut migrations = sqlx::migrate!("src/shell/store/migrations/postgres");
@@ -72,7 +71,7 @@ impl Backend {
 
     /// A process of this name is there, until what is returned is dropped.
     pub(super) async fn enter(&self, name: &str) -> Result<Session, StoreError> {
-        Session::enter(self.options.clone(), self.pool.clone(), name).await
+        Session::enter(self.pool.clone(), name).await
     }
 
     /// What is looked at after a lock was taken is what was committed until then, whatever the server's default.

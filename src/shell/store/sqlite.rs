@@ -3,6 +3,7 @@
 mod files;
 mod locks;
 mod queue;
+#[allow(clippy::duplicate_mod, reason = "the queries are compiled for each database")]
 #[path = "sql.rs"]
 mod sql;
 

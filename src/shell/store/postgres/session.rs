@@ -1,6 +1,7 @@
 //! Which processes live on a database: each holds a lock on a connection of its own, which the server takes away when that ends.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::Executor;
@@ -25,8 +26,8 @@ pub struct Session {
 }
 
 impl Session {
-    pub(super) async fn enter(options: PgConnectOptions, pool: PgPool, name: &str) -> Result<Self, StoreError> {
-        let key = key_of(name);
+    pub(super) async fn enter(pool: PgPool, name: &str) -> Result<Self, StoreError> {
+        let (options, key) = (pool.connect_options(), key_of(name));
         let held = locked(&options, key).await?;
         Ok(Self { pool, holding: tokio::spawn(hold(options, key, held)) })
     }
@@ -66,7 +67,7 @@ async fn locked(options: &PgConnectOptions, key: u32) -> Result<PgConnection, St
 
 /// Holds the lock, and takes it again when the connection was lost. Others may have taken this process for dead meanwhile: its steps
 /// are done twice then, and counted once.
-async fn hold(options: PgConnectOptions, key: u32, mut held: PgConnection) {
+async fn hold(options: Arc<PgConnectOptions>, key: u32, mut held: PgConnection) {
     loop {
         tokio::time::sleep(LOOK_EVERY).await;
         // Asked for again each time: that of a lost connection may have been held still. Once more is once more to be let go, which never is.
