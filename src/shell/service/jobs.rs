@@ -14,7 +14,7 @@ mod worker;
 #[cfg(test)]
 mod tests;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -52,8 +52,6 @@ struct Shared {
     things: Store,
     store: JobStore,
     files: JobFiles,
-    /// Where files are received.
-    folder: PathBuf,
     presence: Presence,
     /// The worker that runs; those of this process before it have ended.
     worker: AtomicU64,
@@ -89,15 +87,14 @@ impl Jobs {
     ) -> Result<Self, Fault> {
         let _entrance = Entrance::pass(data).await.map_err(StoreError::from)?;
         let presence = store.jobs().enter(data).await?;
-        let folder = data.join("jobs");
-        std::fs::create_dir_all(&folder).map_err(StoreError::from)?;
+        let files = store.jobs().files(data);
+        std::fs::create_dir_all(files.folder()).map_err(StoreError::from)?;
         let shared = Shared {
             settings: settings.clone(),
             kinds,
             things: store.clone(),
-            files: store.jobs().files(&folder),
             store: store.jobs(),
-            folder,
+            files,
             presence,
             worker: AtomicU64::default(),
             threads: Threads::new(settings.thread_count()),
@@ -132,7 +129,7 @@ impl Jobs {
         }
         let place = Arc::clone(&self.shared.uploads).try_acquire_owned();
         let place = place.map_err(|_| full("as many uploads as the service takes are under way".into()))?;
-        Intake::open(self.folder(), self.settings(), place).await
+        Intake::open(self.files().folder(), self.settings(), place).await
     }
 
     /// Makes a job of what was taken in. The same key names the same job.
@@ -303,7 +300,7 @@ impl Jobs {
     /// Removes folders that belong to no job.
     async fn sweep(&self) -> Result<(), Fault> {
         let known = if self.files().stay_in_folder() { self.store().ids().await? } else { Vec::new() };
-        for entry in std::fs::read_dir(self.folder()).map_err(StoreError::from)?.flatten() {
+        for entry in std::fs::read_dir(self.files().folder()).map_err(StoreError::from)?.flatten() {
             if !known.iter().any(|id| **id == *entry.file_name()) {
                 let _ = tokio::fs::remove_dir_all(entry.path()).await;
             }
@@ -405,10 +402,6 @@ impl Jobs {
 
     fn files(&self) -> &JobFiles {
         &self.shared.files
-    }
-
-    fn folder(&self) -> &Path {
-        &self.shared.folder
     }
 
     fn threads(&self) -> &Threads {

@@ -36,12 +36,12 @@ impl JobStore {
         }
     }
 
-    /// The files of its jobs; `folder` is where they are received.
+    /// The files of its jobs, which are received under the folder `data`.
     #[must_use]
-    pub fn files(&self, folder: &Path) -> JobFiles {
+    pub fn files(&self, data: &Path) -> JobFiles {
         match &self.database {
-            Database::Sqlite(_) => JobFiles::in_folder(folder),
-            Database::Postgres(database) => JobFiles::in_database(database.pool.clone()),
+            Database::Sqlite(_) => JobFiles::in_folder(data),
+            Database::Postgres(database) => JobFiles::in_database(data, database.pool.clone()),
         }
     }
 

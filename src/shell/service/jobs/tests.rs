@@ -1,5 +1,6 @@
 //! The machinery, with a kind of job that sleeps.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::json;
@@ -45,6 +46,10 @@ impl Kind for Squares {
         let attachments = vec![Attachment { name: REPORT, content: format!("<p>{}</p>", shards.len()).into_bytes() }];
         Ok(Outcome { result: json!({"squares": shards, "files": files}), attachments, ..Outcome::default() })
     }
+}
+
+fn received(place: &Place) -> PathBuf {
+    place.data.path().join(if place.is_folder() { "jobs" } else { "received" })
 }
 
 /// A process, as far as jobs go.
@@ -106,7 +111,7 @@ async fn a_job_is_prepared_computed_and_finished() {
     for place in places().await {
         let process = Process::start(&place).await;
         let job = process.make(json!({"shards": 7})).await;
-        assert_eq!(place.data.path().join("jobs").join(&job.id).join("uploads/000000").exists(), place.is_folder());
+        assert_eq!(received(&place).join(&job.id).join("uploads/000000").exists(), place.is_folder());
         let ended = process.ended(&job.id).await;
         assert_eq!((ended.status, ended.result, ended.done), (JobStatus::Succeeded, Some(squares(7)), 7));
         assert_eq!(process.jobs.attachment(SQUARES, &job.id, REPORT).await.as_deref(), Ok(&b"<p>7</p>"[..]));
@@ -118,7 +123,7 @@ async fn a_job_is_prepared_computed_and_finished() {
         let empty = process.make(json!({"shards": 0})).await;
         assert_eq!(process.ended(&empty.id).await.result, Some(squares(0)));
         process.stop(LONG).await;
-        assert!(!place.data.path().join("jobs").join(&job.id).join("uploads").exists(), "uploads are kept");
+        assert!(!received(&place).join(&job.id).join("uploads").exists(), "uploads are kept");
     }
 }
 
@@ -201,7 +206,7 @@ async fn a_job_cancelled_by_another_process_is_given_up() {
         assert_eq!(first.jobs.get(SQUARES, &job.id).await.expect("is there").status, JobStatus::Cancelled);
         assert_eq!(first.jobs.delete(SQUARES, &job.id).await, Ok(Deleted::Removed));
         assert!(first.jobs.get(SQUARES, &job.id).await.is_err());
-        assert!(!place.data.path().join("jobs").join(&job.id).exists());
+        assert!(!received(&place).join(&job.id).exists());
         let next = second.make(json!({"shards": 2})).await;
         assert_eq!(second.ended(&next.id).await.status, JobStatus::Succeeded, "the threads are free again");
         first.stop(LONG).await;
@@ -217,14 +222,14 @@ async fn what_the_dead_have_left_is_swept() {
         let kept = process.make(json!({"shards": 1})).await;
         process.ended(&kept.id).await;
         process.stop(LONG).await;
-        let left = place.data.path().join("jobs/left");
+        let left = received(&place).join("left");
         std::fs::create_dir_all(left.join("uploads")).expect("makes");
         let process = Process::with(&place, settings.clone()).await;
-        assert!(!left.exists() && place.data.path().join("jobs").join(&kept.id).exists() == place.is_folder());
+        assert!(!left.exists() && received(&place).join(&kept.id).exists() == place.is_folder());
         // Another that starts while this lives takes no folder for left over.
         let intake = process.jobs.intake().await.expect("takes");
         let other = Process::with(&place, settings).await;
-        assert!(place.data.path().join("jobs").join(&intake.id).exists());
+        assert!(received(&place).join(&intake.id).exists());
         for _ in 0..3 {
             let job = process.make(json!({"shards": 1})).await;
             process.ended(&job.id).await;

@@ -30,10 +30,12 @@ async fn take_file(to: &mut Connection, id: &str, number: usize, folder: &Path) 
     let mut bytes = Vec::with_capacity(PIECE);
     for piece in 0_i64.. {
         bytes.clear();
-        if (&mut file).take(PIECE as u64).read_to_end(&mut bytes).await? == 0 {
+        let is_end = (&mut file).take(PIECE as u64).read_to_end(&mut bytes).await? < PIECE;
+        // The last may be empty: an empty file is there too.
+        put(to, id, &name, piece, &bytes).await?;
+        if is_end {
             break;
         }
-        put(to, id, &name, piece, &bytes).await?;
     }
     Ok(())
 }

@@ -91,3 +91,53 @@ async fn hold(options: Arc<PgConnectOptions>, key: u32, mut held: PgConnection) 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shell::store::presence::Presence;
+    use crate::shell::store::trial::places;
+    use crate::shell::store::{Database, Store};
+
+    async fn becomes(presence: &Presence, name: &str, is_alive: bool) {
+        for _ in 0..1_000 {
+            if presence.living().await.expect("asks").is_alive(name) == is_alive {
+                return;
+            }
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        panic!("{name} never becomes {}", if is_alive { "alive" } else { "dead" });
+    }
+
+    /// Cuts the connection that says that the process of this name lives.
+    async fn cut(store: &Store, name: &str) {
+        let Database::Postgres(database) = &store.database else { panic!("no PostgreSQL") };
+        let query =
+            "SELECT COUNT(pg_terminate_backend(pid)) FROM pg_locks WHERE classid::BIGINT = $1 AND objid::BIGINT = $2";
+        let cut: i64 = sqlx::query_scalar(query)
+            .bind(i64::from(PROCESSES))
+            .bind(i64::from(key_of(name)))
+            .fetch_one(&database.pool)
+            .await
+            .expect("asks");
+        assert_eq!(cut, 1);
+    }
+
+    #[tokio::test]
+    async fn the_dead_are_known_at_once_and_who_is_cut_off_comes_back() {
+        for place in places().await.iter().filter(|place| !place.is_folder()) {
+            let store = place.open().await;
+            let first = store.jobs().enter(place.data.path()).await.expect("enters");
+            let second = store.jobs().enter(place.data.path()).await.expect("enters");
+            let name = second.name().to_owned();
+            becomes(&first, &name, true).await;
+            becomes(&first, "nobody", false).await;
+            cut(&store, &name).await;
+            becomes(&first, &name, false).await;
+            becomes(&first, &name, true).await;
+            assert!(first.living().await.expect("asks").is_alive(first.name()));
+            drop(second);
+            becomes(&first, &name, false).await;
+        }
+    }
+}
