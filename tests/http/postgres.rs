@@ -157,7 +157,7 @@ async fn three_servers_of_which_one_is_killed_come_to_the_result_of_one_alone() 
     servers.push(Server::start(Some(&database)));
     let attachment = format!("{place}/{}", work.attachment);
     let report = alone.text(&format!("{place_alone}/{}", work.attachment)).await;
-    assert!(report.contains("left03.jpg"));
+    assert!(report.contains("left02.jpg"));
     for server in &servers {
         assert_eq!(server.program.get(&place).await, job);
         assert_eq!(server.text(&attachment).await, report);
