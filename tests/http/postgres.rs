@@ -10,7 +10,7 @@ use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::calibrations::{boards, form, large, request};
+use crate::calibrations::{boards, form, large, request, wall};
 use crate::killed::{Program, is_final};
 use cluster::Cluster;
 
@@ -30,11 +30,12 @@ const CALIBRATION: Work = Work {
     place: CALIBRATIONS,
     form: || {
         static BOARDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| boards(7).into_iter().map(|board| board.1).collect());
+        static WALL: LazyLock<Vec<u8>> = LazyLock::new(|| wall(2400, 1800));
         let mut asked = request();
         asked["name"] = json!("found");
         asked["fixed"] = json!(["k3"]);
         let pictures = (0..60).map(|number| match number {
-            1..=57 if number % 2 == 1 => (format!("left{number:02}.png"), large()),
+            1..=57 if number % 2 == 1 => (format!("left{number:02}.png"), WALL.clone()),
             _ => (format!("left{number:02}.jpg"), BOARDS[number / 2 % 7].clone()),
         });
         form(&asked, pictures)
