@@ -167,7 +167,7 @@ pub fn run() -> ExitCode {
 }
 
 fn exit_code(kind: FaultKind) -> ExitCode {
-    ExitCode::from(if kind == FaultKind::Internal { 1 } else { 2 })
+    ExitCode::from(if matches!(kind, FaultKind::Internal | FaultKind::Unreachable) { 1 } else { 2 })
 }
 
 /// What of many inputs failed.

@@ -3,6 +3,7 @@
 
 mod load;
 
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::frame::Limits;
 use crate::identify::IdentifyOptions;
 use crate::pipeline;
+use crate::shell::store::address_problem;
 
 pub use load::{SettingFault, load};
 
@@ -92,13 +94,46 @@ impl HttpSettings {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StoreSettings {
-    /// The folder under which everything is stored.
+    /// The folder under which everything is stored; with a database only what is being received.
     pub data: PathBuf,
+    /// The database that several processes share; none is a file under `data`.
+    pub storage: Storage,
 }
 
 impl Default for StoreSettings {
     fn default() -> Self {
-        Self { data: PathBuf::from("skypose-data") }
+        Self { data: PathBuf::from("skypose-data"), storage: Storage::default() }
+    }
+}
+
+/// Address of a database: `postgres://user@host/database`, or nothing. It may hold a password, so it is not shown.
+#[derive(Clone, Default, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct Storage(String);
+
+impl From<String> for Storage {
+    fn from(address: String) -> Self {
+        Self(address)
+    }
+}
+
+impl Storage {
+    /// Whether there is none.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The address, for who connects to it.
+    #[must_use]
+    pub fn expose(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Debug for Storage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.is_empty() { "Storage(none)" } else { "Storage(..)" })
     }
 }
 
@@ -358,6 +393,11 @@ impl Settings {
             "identify.min_range_m",
             "must be positive and below identify.max_range_m, which is at most 1000000",
         );
+        if !self.store.storage.is_empty()
+            && let Some(problem) = address_problem(self.store.storage.expose())
+        {
+            faults.push(SettingFault { setting: "store.storage".into(), problem });
+        }
         if let Err(error) = self.log.level.parse::<tracing_subscriber::filter::Targets>() {
             faults.push(SettingFault { setting: "log.level".into(), problem: error.to_string() });
         }

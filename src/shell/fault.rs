@@ -36,6 +36,8 @@ pub enum FaultKind {
     Senseless,
     /// All workers are busy and the queue is full, or the service is shutting down.
     Overloaded,
+    /// The store cannot be reached now.
+    Unreachable,
     /// It took longer than a request may.
     DeadlineExceeded,
     /// Our own failure.

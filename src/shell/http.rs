@@ -68,6 +68,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(evaluations::get, evaluations::delete))
         .routes(routes!(evaluations::events))
         .routes(routes!(evaluations::report))
+        .routes(routes!(evaluations::cases))
         .routes(routes!(things::list_targets))
         .routes(routes!(things::get_target, things::put_target, things::delete_target))
 }

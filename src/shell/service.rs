@@ -58,7 +58,7 @@ impl Service {
     /// # Errors
     /// If the store cannot be opened or a thread cannot be started.
     pub async fn with_kinds(settings: Settings, kinds: Vec<Arc<dyn Kind>>) -> Result<Self, Fault> {
-        let store = Store::open(&settings.store.data).await?;
+        let store = Store::connect(&settings.store).await?;
         let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
         let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
         let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;

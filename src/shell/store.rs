@@ -1,21 +1,30 @@
-//! Cameras and targets by name, and jobs, in one SQLite file.
+//! Cameras and targets by name, and jobs: in one SQLite file, or in PostgreSQL where several processes share them. What is asked is
+//! written once, in `sql.rs`, and compiled for each; here is which of the two.
 
+pub mod files;
 pub mod jobs;
+mod postgres;
 pub mod presence;
 pub mod queue;
+mod sqlite;
 
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
-
+use super::config::StoreSettings;
 use super::fault::{Fault, FaultKind};
 use jobs::JobStore;
-use presence::Entrance;
 
-/// The file's name under the data folder.
-const FILE: &str = "skypose.sqlite3";
+/// What is wrong with the address of a database, if anything; never the address itself.
+#[must_use]
+pub fn address_problem(url: &str) -> Option<String> {
+    postgres::address(url).err()
+}
+
+/// A store that does not answer for so long is not ready.
+const READY_WITHIN: Duration = Duration::from_secs(2);
 
 /// What is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,42 +78,58 @@ pub enum Put {
     Replaced,
 }
 
+/// Where it is stored.
+#[derive(Clone, Debug)]
+enum Database {
+    Sqlite(sqlite::Backend),
+    Postgres(postgres::Backend),
+}
+
+/// The same call, whichever it is.
+macro_rules! either {
+    ($database:expr, $chosen:ident => $call:expr) => {
+        match $database {
+            $crate::shell::store::Database::Sqlite($chosen) => $call,
+            $crate::shell::store::Database::Postgres($chosen) => $call,
+        }
+    };
+}
+use either;
+
 /// The store.
 #[derive(Clone, Debug)]
 pub struct Store {
-    pool: SqlitePool,
-    /// For what may be lost with the power: who is at which step.
-    fleeting: SqlitePool,
+    database: Database,
     changes: Arc<AtomicU64>,
 }
 
 impl Store {
-    /// Opens the store under `folder`, made if need be.
+    /// Opens what the settings name.
+    ///
+    /// # Errors
+    /// If the folder cannot be made, the file not be opened or the database not be reached, or if one of them is of a newer version.
+    pub async fn connect(settings: &StoreSettings) -> Result<Self, StoreError> {
+        if settings.storage.is_empty() {
+            return Self::open(&settings.data).await;
+        }
+        std::fs::create_dir_all(&settings.data)?;
+        let database = postgres::Backend::connect(settings.storage.expose()).await?;
+        Ok(Self { database: Database::Postgres(database), changes: Arc::default() })
+    }
+
+    /// Opens the file under `folder`, made if need be.
     ///
     /// # Errors
     /// If the folder cannot be made, or the file cannot be opened or is of a newer version.
     pub async fn open(folder: &Path) -> Result<Self, StoreError> {
-        std::fs::create_dir_all(folder)?;
-        let _entrance = Entrance::pass(folder).await?;
-        let options = SqliteConnectOptions::new()
-            .filename(folder.join(FILE))
-            .create_if_missing(true)
-            .journal_mode(SqliteJournalMode::Wal)
-            .synchronous(SqliteSynchronous::Full)
-            .busy_timeout(std::time::Duration::from_secs(5));
-        let pool = SqlitePoolOptions::new().max_connections(4).connect_with(options.clone()).await?;
-        let fleeting = SqlitePoolOptions::new()
-            .max_connections(2)
-            .connect_lazy_with(options.synchronous(SqliteSynchronous::Normal));
-        sqlx::migrate!("src/shell/store/migrations").run(&pool).await?;
-        queue::migrate(&pool).await?;
-        Ok(Self { pool, fleeting, changes: Arc::default() })
+        let database = sqlite::Backend::open(folder).await?;
+        Ok(Self { database: Database::Sqlite(database), changes: Arc::default() })
     }
 
     /// Its jobs.
     #[must_use]
     pub fn jobs(&self) -> JobStore {
-        JobStore::new(self.pool.clone(), self.fleeting.clone())
+        JobStore::new(self.database.clone())
     }
 
     /// How often this process has changed something: what was read at one count holds until the next.
@@ -116,25 +141,23 @@ impl Store {
     /// The thing of this name.
     ///
     /// # Errors
-    /// If the file cannot be read.
+    /// If the store cannot be read.
     pub async fn get(&self, kind: Kind, name: &str) -> Result<Option<Stored>, StoreError> {
-        let query = "SELECT name, body, etag FROM things WHERE kind = ? AND name = ?";
-        Ok(sqlx::query_as(query).bind(kind.name()).bind(name).fetch_optional(&self.pool).await?)
+        either!(&self.database, database => database.get_thing(kind, name).await)
     }
 
     /// All things of a kind, by name.
     ///
     /// # Errors
-    /// If the file cannot be read.
+    /// If the store cannot be read.
     pub async fn list(&self, kind: Kind) -> Result<Vec<Stored>, StoreError> {
-        let query = "SELECT name, body, etag FROM things WHERE kind = ? ORDER BY name";
-        Ok(sqlx::query_as(query).bind(kind.name()).fetch_all(&self.pool).await?)
+        either!(&self.database, database => database.list_things(kind).await)
     }
 
     /// Stores `body` under `name`.
     ///
     /// # Errors
-    /// [`StoreError::Precondition`] if that does not hold; otherwise if the file cannot be written.
+    /// [`StoreError::Precondition`] if that does not hold; otherwise if the store cannot be written.
     pub async fn put(
         &self,
         kind: Kind,
@@ -142,64 +165,30 @@ impl Store {
         body: &str,
         precondition: &Precondition,
     ) -> Result<(Put, Stored), StoreError> {
-        // Immediate: nobody else writes between the look and the change.
-        let mut change = self.pool.begin_with("BEGIN IMMEDIATE").await?;
-        let current: Option<String> = sqlx::query_scalar("SELECT etag FROM things WHERE kind = ? AND name = ?")
-            .bind(kind.name())
-            .bind(name)
-            .fetch_optional(&mut *change)
-            .await?;
-        check(precondition, current.as_deref())?;
-        let stored = Stored { name: name.into(), body: body.into(), etag: etag_of(body) };
-        sqlx::query(
-            "INSERT INTO things (kind, name, body, etag) VALUES (?, ?, ?, ?)
-             ON CONFLICT (kind, name) DO UPDATE SET body = excluded.body, etag = excluded.etag",
-        )
-        .bind(kind.name())
-        .bind(name)
-        .bind(body)
-        .bind(&stored.etag)
-        .execute(&mut *change)
-        .await?;
-        change.commit().await?;
+        let put = either!(&self.database, database => database.put_thing(kind, name, body, precondition).await)?;
         self.changes.fetch_add(1, Ordering::Release);
-        Ok((if current.is_some() { Put::Replaced } else { Put::Created }, stored))
+        Ok(put)
     }
 
     /// Removes the thing of this name; false if there is none.
     ///
     /// # Errors
-    /// [`StoreError::Precondition`] if that does not hold; otherwise if the file cannot be written.
+    /// [`StoreError::Precondition`] if that does not hold; otherwise if the store cannot be written.
     pub async fn delete(&self, kind: Kind, name: &str, precondition: &Precondition) -> Result<bool, StoreError> {
-        let mut change = self.pool.begin_with("BEGIN IMMEDIATE").await?;
-        let current: Option<String> = sqlx::query_scalar("SELECT etag FROM things WHERE kind = ? AND name = ?")
-            .bind(kind.name())
-            .bind(name)
-            .fetch_optional(&mut *change)
-            .await?;
-        if current.is_none() && *precondition == Precondition::None {
-            return Ok(false);
-        }
-        check(precondition, current.as_deref())?;
-        sqlx::query("DELETE FROM things WHERE kind = ? AND name = ?")
-            .bind(kind.name())
-            .bind(name)
-            .execute(&mut *change)
-            .await?;
-        change.commit().await?;
+        let was_there = either!(&self.database, database => database.delete_thing(kind, name, precondition).await)?;
         self.changes.fetch_add(1, Ordering::Release);
-        Ok(true)
+        Ok(was_there)
     }
 
-    /// Whether the file can be read.
+    /// Whether the store can be read, at once.
     pub async fn is_ready(&self) -> bool {
-        sqlx::query("SELECT 1").execute(&self.pool).await.is_ok()
+        let asked = async { either!(&self.database, database => database.ask().await) };
+        matches!(tokio::time::timeout(READY_WITHIN, asked).await, Ok(Ok(())))
     }
 
-    /// Closes the file.
+    /// Closes it.
     pub async fn close(&self) {
-        self.fleeting.close().await;
-        self.pool.close().await;
+        either!(&self.database, database => database.close().await);
     }
 }
 
@@ -229,15 +218,21 @@ pub enum StoreError {
         /// The tag that it has, if it exists.
         current: Option<String>,
     },
+    /// The address of the database.
+    #[error("store.storage {0}")]
+    Address(String),
     /// The database.
     #[error("store: {0}")]
     Database(#[from] sqlx::Error),
-    /// A version of the file that this program does not know.
+    /// A version of the tables that this program does not know.
     #[error("store: {0}")]
     Migration(#[from] sqlx::migrate::MigrateError),
-    /// The job library.
+    /// The job library, on SQLite.
     #[error("queue: {0}")]
-    Queue(#[from] apalis_sqlite::Error),
+    SqliteQueue(#[from] apalis_sqlite::Error),
+    /// The job library, on PostgreSQL.
+    #[error("queue: {0}")]
+    PostgresQueue(#[from] apalis_postgres::Error),
     /// What is stored is not what was written.
     #[error("store: {0}")]
     Content(#[from] serde_json::Error),
@@ -246,15 +241,41 @@ pub enum StoreError {
     Folder(#[from] std::io::Error),
 }
 
+impl StoreError {
+    /// Whether the database cannot be reached, or not now: the same may succeed a moment later.
+    #[must_use]
+    pub fn is_passing(&self) -> bool {
+        match self {
+            Self::Database(error) | Self::PostgresQueue(apalis_postgres::Error::Database(error)) => is_passing(error),
+            Self::Precondition { .. }
+            | Self::Address(_)
+            | Self::Migration(_)
+            | Self::SqliteQueue(_)
+            | Self::PostgresQueue(_)
+            | Self::Content(_)
+            | Self::Folder(_) => false,
+        }
+    }
+}
+
+/// Of the codes of PostgreSQL: no connection, the server is going or coming, has no place left, or a lock was waited for too long.
+fn is_passing(error: &sqlx::Error) -> bool {
+    match error {
+        sqlx::Error::Io(_) | sqlx::Error::PoolTimedOut | sqlx::Error::WorkerCrashed => true,
+        sqlx::Error::Database(error) => error.code().is_some_and(|code| {
+            code.len() == 5 && (code.starts_with("08") || code.starts_with("57P") || code == "53300" || code == "55P03")
+        }),
+        _ => false,
+    }
+}
+
 impl From<StoreError> for Fault {
     fn from(error: StoreError) -> Self {
         let kind = match error {
             StoreError::Precondition { .. } => FaultKind::PreconditionFailed,
-            StoreError::Database(_)
-            | StoreError::Migration(_)
-            | StoreError::Queue(_)
-            | StoreError::Content(_)
-            | StoreError::Folder(_) => FaultKind::Internal,
+            StoreError::Address(_) => FaultKind::Senseless,
+            _ if error.is_passing() => FaultKind::Unreachable,
+            _ => FaultKind::Internal,
         };
         Self::new(kind, error.to_string())
     }
@@ -279,41 +300,54 @@ pub fn check_name(name: &str) -> Result<(), Fault> {
 }
 
 #[cfg(test)]
+pub(in crate::shell) mod trial;
+
+#[cfg(test)]
 mod tests {
+    use super::trial::places;
     use super::*;
 
     #[tokio::test]
     async fn what_is_put_is_there_after_reopening() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let store = Store::open(folder.path()).await.expect("opens");
-        let (put, stored) = store.put(Kind::Camera, "front", "{}", &Precondition::None).await.expect("stores");
-        assert_eq!(put, Put::Created);
-        store.close().await;
-        let store = Store::open(folder.path()).await.expect("opens again");
-        assert_eq!(store.get(Kind::Camera, "front").await.expect("reads"), Some(stored.clone()));
-        assert_eq!(store.get(Kind::Target, "front").await.expect("reads"), None);
-        assert_eq!(store.list(Kind::Camera).await.expect("lists"), [stored]);
+        for place in places().await {
+            let store = place.open().await;
+            let (put, stored) = store.put(Kind::Camera, "front", "{}", &Precondition::None).await.expect("stores");
+            assert_eq!(put, Put::Created);
+            store.close().await;
+            let store = place.open().await;
+            assert_eq!(store.get(Kind::Camera, "front").await.expect("reads"), Some(stored.clone()));
+            assert_eq!(store.get(Kind::Target, "front").await.expect("reads"), None);
+            assert_eq!(store.list(Kind::Camera).await.expect("lists"), [stored]);
+        }
     }
 
     #[tokio::test]
     async fn of_two_writers_with_one_tag_one_wins() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let store = Store::open(folder.path()).await.expect("opens");
-        let (_, first) = store.put(Kind::Target, "t", "1", &Precondition::Absent).await.expect("stores");
-        let tag = Precondition::Matches(vec![first.etag]);
-        let (a, b) = tokio::join!(store.put(Kind::Target, "t", "2", &tag), store.put(Kind::Target, "t", "3", &tag));
-        assert_eq!([a.is_ok(), b.is_ok()].iter().filter(|ok| **ok).count(), 1);
-        let refused = store.put(Kind::Target, "t", "4", &Precondition::Absent).await;
-        assert!(matches!(refused, Err(StoreError::Precondition { current: Some(_) })));
+        for place in places().await {
+            let store = place.open().await;
+            let (_, first) = store.put(Kind::Target, "t", "1", &Precondition::Absent).await.expect("stores");
+            let tag = Precondition::Matches(vec![first.etag]);
+            let (a, b) = tokio::join!(store.put(Kind::Target, "t", "2", &tag), store.put(Kind::Target, "t", "3", &tag));
+            assert_eq!([a.is_ok(), b.is_ok()].iter().filter(|ok| **ok).count(), 1);
+            let refused = store.put(Kind::Target, "t", "4", &Precondition::Absent).await;
+            assert!(matches!(refused, Err(StoreError::Precondition { current: Some(_) })));
+            let absent = Precondition::Absent;
+            let (a, b) = tokio::join!(
+                store.put(Kind::Target, "new", "2", &absent),
+                store.put(Kind::Target, "new", "3", &absent)
+            );
+            assert_eq!([a.is_ok(), b.is_ok()].iter().filter(|ok| **ok).count(), 1);
+        }
     }
 
     #[tokio::test]
     async fn deleting_twice_says_so() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let store = Store::open(folder.path()).await.expect("opens");
-        store.put(Kind::Target, "t", "1", &Precondition::None).await.expect("stores");
-        assert!(store.delete(Kind::Target, "t", &Precondition::None).await.expect("deletes"));
-        assert!(!store.delete(Kind::Target, "t", &Precondition::None).await.expect("finds nothing"));
+        for place in places().await {
+            let store = place.open().await;
+            store.put(Kind::Target, "t", "1", &Precondition::None).await.expect("stores");
+            assert!(store.delete(Kind::Target, "t", &Precondition::None).await.expect("deletes"));
+            assert!(!store.delete(Kind::Target, "t", &Precondition::None).await.expect("finds nothing"));
+        }
     }
 
     #[test]

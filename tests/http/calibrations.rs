@@ -121,7 +121,7 @@ async fn each_picture_that_shows_no_board_is_named_with_its_reason() {
 }
 
 /// Pictures of a chessboard through a bent lens.
-fn boards(count: usize) -> Vec<(String, Vec<u8>)> {
+pub fn boards(count: usize) -> Vec<(String, Vec<u8>)> {
     let board: Board = "chessboard:9x6:0.025".parse().expect("a board");
     let camera = study_camera(STUDY_LENSES[1]);
     let (rays, mut rng) = (Rays::of(&camera), named("a calibration over HTTP"));

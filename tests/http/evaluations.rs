@@ -52,6 +52,14 @@ async fn the_thesis_is_evaluated_with_a_report() {
     let page = station.http.get(format!("{}{place}/report", station.base)).send().await.expect("an answer");
     assert!(page.headers()["content-security-policy"].to_str().expect("a text").contains("default-src 'none'"));
     assert!(page.text().await.expect("a page").contains("<svg"));
+    let cases = station.http.get(format!("{}{place}/cases", station.base)).send().await.expect("an answer");
+    assert_eq!(cases.headers()["content-type"], "text/csv; charset=utf-8");
+    let cases = cases.text().await.expect("a table");
+    assert_eq!(cases.lines().count(), 301);
+    let objects = station.get(&format!("{place}/cases?format=json")).await.json;
+    let first: Vec<&str> = cases.lines().nth(1).expect("a row").split(',').collect();
+    assert_eq!((objects.as_array().map(Vec::len), objects[0]["solver"].as_str()), (Some(300), Some(first[1])));
+    station.get(&format!("{place}/cases?format=xml")).await.assert_problem(422);
     let list = station.get(PLACE).await.json;
     assert_eq!((&list["evaluations"][0]["id"], list["evaluations"][0].get("result")), (&job["id"], None));
     let events = station.http.get(format!("{}{place}/events", station.base)).send().await.expect("an answer");

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use reqwest::multipart::Form;
 use serde_json::Value;
 
 use crate::calibrations::{form, large, request};
@@ -12,18 +13,27 @@ use crate::calibrations::{form, large, request};
 const PICTURES: u64 = 40;
 
 /// The program in a process of its own, ended with the test.
-struct Program {
+pub struct Program {
     child: Child,
-    base: String,
+    pub base: String,
 }
 
 impl Program {
-    fn start(data: &Path) -> Self {
+    pub fn start(data: &Path) -> Self {
+        Self::with(data, &[])
+    }
+
+    /// With further options.
+    pub fn with(data: &Path, options: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_skypose"));
         for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("SKYPOSE_")) {
             command.env_remove(name);
         }
-        command.env("SKYPOSE_JOBS_THREADS", "1").args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data);
+        command
+            .env("SKYPOSE_JOBS_THREADS", "1")
+            .args(["serve", "--listen", "127.0.0.1:0", "--data"])
+            .arg(data)
+            .args(options);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().expect("starts");
         let mut line = String::new();
@@ -32,7 +42,7 @@ impl Program {
         Self { child, base }
     }
 
-    async fn get(&self, place: &str) -> Value {
+    pub async fn get(&self, place: &str) -> Value {
         let text = reqwest::get(format!("{}{place}", self.base)).await.expect("an answer").text().await;
         serde_json::from_str(&text.expect("a text")).expect("JSON")
     }
@@ -40,13 +50,18 @@ impl Program {
     /// Where the job is.
     async fn post(&self) -> String {
         let pictures = (0..PICTURES).map(|number| (format!("{number:02}.png"), large()));
-        let post = reqwest::Client::new().post(format!("{}/v1/calibrations", self.base));
-        let reply = post.multipart(form(&request(), pictures)).send().await.expect("an answer");
+        self.make("/v1/calibrations", form(&request(), pictures)).await
+    }
+
+    /// Where the job is that is made of this form.
+    pub async fn make(&self, kind: &str, form: Form) -> String {
+        let post = reqwest::Client::new().post(format!("{}{kind}", self.base));
+        let reply = post.multipart(form).send().await.expect("an answer");
         assert_eq!(reply.status(), 202);
         reply.headers()["location"].to_str().expect("a text").to_owned()
     }
 
-    async fn when(&self, place: &str, holds: impl Fn(&Value) -> bool) -> Value {
+    pub async fn when(&self, place: &str, holds: impl Fn(&Value) -> bool) -> Value {
         for _ in 0..12_000 {
             let job = self.get(place).await;
             if holds(&job) {
@@ -58,12 +73,12 @@ impl Program {
     }
 
     /// SIGKILL: no time for last words.
-    fn kill(mut self) {
+    pub fn kill(mut self) {
         self.child.kill().expect("it lives");
         self.child.wait().expect("it ends");
     }
 
-    fn terminate(mut self) {
+    pub fn terminate(mut self) {
         let status = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
         assert!(status.expect("kill is there").success());
         assert!(self.child.wait().expect("it ends").success());
@@ -77,7 +92,7 @@ impl Drop for Program {
     }
 }
 
-fn is_final(job: &Value) -> bool {
+pub fn is_final(job: &Value) -> bool {
     job["finished_us"].is_i64()
 }
 

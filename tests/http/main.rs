@@ -16,6 +16,7 @@ mod frames;
 mod killed;
 mod life;
 mod poses;
+mod postgres;
 mod sequences;
 mod station;
 mod things;

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use clap::Args;
 
 use super::{SettingsArgs, Stop};
+use crate::shell::config::Storage;
 use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::http::App;
@@ -19,12 +20,16 @@ pub(super) struct Serve {
     /// Address and port to listen on; port 0 takes a free one [default: 127.0.0.1:8080].
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<SocketAddr>,
+    /// Database that several servers share, as `postgres://user@host/database` [default: a file under the data folder].
+    #[arg(long, value_name = "ADDRESS")]
+    storage: Option<Storage>,
 }
 
 impl Serve {
     pub(super) fn run(self) -> Result<(), Stop> {
         let listen = self.listen.map(|address| ("http.listen", address.to_string()));
-        let settings = self.settings.load(listen.into_iter().collect())?;
+        let storage = self.storage.map(|address| ("store.storage", address.expose().to_owned()));
+        let settings = self.settings.load(listen.into_iter().chain(storage).collect())?;
         telemetry::start_logging(&settings.log);
         telemetry::metrics();
         let runtime = tokio::runtime::Builder::new_multi_thread()

@@ -65,7 +65,12 @@ impl Layers {
     fn add_file(&mut self, text: &str) {
         let table: Table = match text.parse() {
             Ok(table) => table,
-            Err(error) => return self.fault("settings file", error.to_string().replace('\n', " ")),
+            // Without the line itself, which may hold a password.
+            Err(error) => {
+                let line = error.span().map_or(0, |span| text[..span.start.min(text.len())].matches('\n').count());
+                return self
+                    .fault("settings file", format!("line {}: {}", line + 1, error.message().replace('\n', " ")));
+            }
         };
         for (section, content) in table {
             let Value::Table(content) = content else {
@@ -197,6 +202,23 @@ mod tests {
         ] {
             assert!(settings.contains(&expected), "{expected} is not among {faults:?}");
         }
+    }
+
+    #[test]
+    fn an_address_is_checked_and_never_told() {
+        let good = "postgres://sky:s3cret@db/poses";
+        let settings = load(None, variables(&[("SKYPOSE_STORE_STORAGE", good)]), &[]).expect("good settings");
+        assert_eq!(settings.store.storage.expose(), good);
+        assert!(!format!("{settings:?}").contains("s3cret"));
+        for bad in ["mysql://sky:s3cret@db/poses", "postgres://sky:s3cret@db"] {
+            let faults = load(None, [], &[("store.storage", bad.into())]).expect_err("faults");
+            assert_eq!(faults[0].setting, "store.storage");
+            assert!(!format!("{faults:?}").contains("s3cret"), "{faults:?}");
+        }
+        let broken = "[http]\nmax_batch = 7\n[store]\nstorage = \"postgres://sky:s3cret@db/poses\n";
+        let faults = load(Some(broken), [], &[]).expect_err("faults");
+        assert!(faults[0].problem.starts_with("line 4: "), "{faults:?}");
+        assert!(!format!("{faults:?}").contains("s3cret"), "{faults:?}");
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! `/v1/evaluations`: a study in, figures out, by and by.
 
 use axum::Extension;
-use axum::extract::State;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::App;
@@ -12,7 +13,8 @@ use super::error::ApiError;
 use super::extract::Json;
 use super::jobs::{self, JobId};
 use super::layers::Deadline;
-use crate::shell::service::evaluation::EVALUATION;
+use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::service::evaluation::{CASES_CSV, CASES_JSON, EVALUATION};
 use crate::shell::wire::{EvaluationRequest, JobEventWire, JobWire, Problem};
 
 /// The evaluations.
@@ -97,6 +99,52 @@ pub async fn events(State(app): State<App>, JobId(id): JobId, headers: HeaderMap
 )]
 pub async fn report(State(app): State<App>, JobId(id): JobId) -> Result<Response, ApiError> {
     Ok(jobs::report(&app, EVALUATION, &id).await?)
+}
+
+/// How cases are wanted.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CasesQuery {
+    /// `csv` (usual) or `json`.
+    #[serde(default)]
+    format: CasesFormat,
+}
+
+/// As what cases are returned.
+#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CasesFormat {
+    /// A line for each, the first with the names.
+    #[default]
+    Csv,
+    /// An array with an object for each.
+    Json,
+}
+
+/// Returns every case of an evaluation.
+#[utoipa::path(
+    get, path = "/v1/evaluations/{id}/cases", tag = "Evaluations",
+    description = "What every solver said of every case, for those who plot themselves. Kept of evaluations of up to 100,000 solves; the command line \
+        writes those of larger ones.",
+    params(("id" = String, Path, description = "Id of the evaluation"), ("format" = Option<CasesFormat>, Query, description = "As what; CSV if it is not said")),
+    responses(
+        (status = 200, description = "The cases", body = String, content_type = "text/csv"),
+        (status = 404, description = "None of that id, or no cases of it (yet)", body = Problem, content_type = "application/problem+json"),
+        (status = "4XX", description = "What is wrong with the request", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn cases(
+    State(app): State<App>,
+    JobId(id): JobId,
+    query: Result<Query<CasesQuery>, QueryRejection>,
+) -> Result<Response, ApiError> {
+    let Query(CasesQuery { format }) =
+        query.map_err(|rejection| Fault::new(FaultKind::Senseless, rejection.body_text()))?;
+    let (name, media) = match format {
+        CasesFormat::Csv => (CASES_CSV, "text/csv; charset=utf-8"),
+        CasesFormat::Json => (CASES_JSON, "application/json"),
+    };
+    Ok(jobs::attachment(&app, EVALUATION, &id, name, media).await?)
 }
 
 /// Cancels or removes an evaluation.

@@ -32,7 +32,7 @@ pub async fn healthz() -> Json<Health> {
 /// The service takes requests.
 ///
 /// # Errors
-/// [`FaultKind::Overloaded`] while it is stopping, or what keeps its store from being read.
+/// [`FaultKind::Overloaded`] while it is stopping, [`FaultKind::Unreachable`] while its store cannot be read.
 #[utoipa::path(
     get, path = "/readyz", tag = "Health",
     responses(
@@ -45,7 +45,7 @@ pub async fn readyz(State(app): State<App>) -> Result<Json<Health>, ApiError> {
         return Err(Fault::new(FaultKind::Overloaded, "the service is stopping").into());
     }
     if !app.service.is_ready().await {
-        return Err(Fault::new(FaultKind::Overloaded, "the store cannot be read").into());
+        return Err(Fault::new(FaultKind::Unreachable, "the store cannot be read").into());
     }
     Ok(Json(OK))
 }

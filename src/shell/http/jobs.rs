@@ -13,7 +13,7 @@ use futures_util::{Stream, stream};
 use super::App;
 use super::error::ApiError;
 use crate::shell::fault::{Fault, FaultKind};
-use crate::shell::service::jobs::{Deleted, Jobs};
+use crate::shell::service::jobs::{Deleted, Jobs, REPORT};
 use crate::shell::store::jobs::Job;
 use crate::shell::wire::{JobEventWire, JobWire};
 
@@ -76,9 +76,15 @@ pub async fn get(app: &App, kind: &str, id: &str) -> Result<axum::Json<JobWire>,
 
 /// Its page for people. It comes with pictures and words of strangers, so it runs no scripts and loads nothing.
 pub async fn report(app: &App, kind: &str, id: &str) -> Result<Response, Fault> {
-    let page = app.service.jobs().report(kind, id).await?;
+    let page = app.service.jobs().attachment(kind, id, REPORT).await?;
     let policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; frame-ancestors 'self'";
     Ok(([(header::CONTENT_SECURITY_POLICY, policy)], axum::response::Html(page)).into_response())
+}
+
+/// Something that is kept beside its result, as it is.
+pub async fn attachment(app: &App, kind: &str, id: &str, name: &str, media: &'static str) -> Result<Response, Fault> {
+    let content = app.service.jobs().attachment(kind, id, name).await?;
+    Ok(([(header::CONTENT_TYPE, media)], content).into_response())
 }
 
 /// Cancels it, or removes it if it has ended.

@@ -7,7 +7,7 @@ mod thumbnail;
 
 use serde_json::{Value, json};
 
-use super::jobs::{Cancel, Input, Kind, Outcome, Shard, Thing};
+use super::jobs::{Attachment, Cancel, Input, Kind, Outcome, REPORT, Shard, Thing};
 use crate::frame::Limits;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store;
@@ -67,7 +67,7 @@ impl Kind for CalibrationKind {
         Ok(Outcome {
             result: json!(estimated.wire),
             problem: None,
-            report: Some(estimated.page),
+            attachments: vec![Attachment { name: REPORT, content: estimated.page.into_bytes() }],
             things: things.collect(),
         })
     }

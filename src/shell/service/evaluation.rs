@@ -9,7 +9,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD_NO_PAD;
 use serde_json::{Value, json};
 
-use super::jobs::{Cancel, Input, Kind, Outcome, Shard};
+use super::jobs::{Attachment, Cancel, Input, Kind, Outcome, REPORT, Shard};
 use super::lookup::Lookup;
 use crate::evaluate::numbers::Numbers;
 use crate::evaluate::{self, Figures, Study, plots};
@@ -21,6 +21,11 @@ pub(in crate::shell) use page::number;
 
 /// The kind, as it stands in the store and in the API.
 pub const EVALUATION: &str = "evaluation";
+
+/// Name of the attachment with every case as a line of CSV.
+pub const CASES_CSV: &str = "cases.csv";
+/// Name of the attachment with every case as an object in a JSON array.
+pub const CASES_JSON: &str = "cases.json";
 
 /// Evaluations.
 #[derive(Clone, Copy, Debug)]
@@ -131,7 +136,12 @@ impl Kind for EvaluationKind {
             sums.merge(part);
         }
         let Evaluated { wire, page } = evaluated(request, &study, &sums)?;
-        Ok(Outcome { result: json!(wire), report: Some(page), ..Outcome::default() })
+        let mut attachments = vec![Attachment { name: REPORT, content: page.into_bytes() }];
+        if study.keeps_rows() {
+            attachments.push(Attachment { name: CASES_CSV, content: cases::csv(&study, &sums.rows).into_bytes() });
+            attachments.push(Attachment { name: CASES_JSON, content: cases::json(&study, &sums.rows).into_bytes() });
+        }
+        Ok(Outcome { result: json!(wire), attachments, ..Outcome::default() })
     }
 }
 

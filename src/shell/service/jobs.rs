@@ -14,7 +14,8 @@ mod worker;
 #[cfg(test)]
 mod tests;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -24,16 +25,17 @@ use tokio::task::JoinHandle;
 
 use crate::shell::config::JobSettings;
 use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::store::files::JobFiles;
 use crate::shell::store::jobs::{Ending, Job, JobEvent, JobStatus, JobStore, Made, NewJob};
 use crate::shell::store::presence::{Entrance, Presence};
 use crate::shell::store::{Store, StoreError};
 
 pub use intake::Intake;
-pub use kind::{Cancel, Input, JobFolder, Kind, Outcome, Shard, Thing};
+pub use kind::{Attachment, Cancel, Input, JobFolder, Kind, Outcome, REPORT, Shard, Thing};
 use threads::Threads;
 
 /// How often it is looked for steps of dead processes and for jobs that have outlived their time.
-const TIDY_EVERY: Duration = Duration::from_secs(20);
+const TIDY_EVERY: Duration = Duration::from_secs(5);
 /// How long a step that is abandoned is waited for, so that it is given back at once.
 const ABANDON: Duration = Duration::from_secs(1);
 
@@ -49,8 +51,10 @@ struct Shared {
     kinds: Vec<Arc<dyn Kind>>,
     things: Store,
     store: JobStore,
-    folder: PathBuf,
+    files: JobFiles,
     presence: Presence,
+    /// The worker that runs; those of this process before it have ended.
+    worker: AtomicU64,
     threads: Threads,
     uploads: Arc<Semaphore>,
     wake: Arc<Notify>,
@@ -82,16 +86,17 @@ impl Jobs {
         kinds: Vec<Arc<dyn Kind>>,
     ) -> Result<Self, Fault> {
         let _entrance = Entrance::pass(data).await.map_err(StoreError::from)?;
-        let presence = Presence::enter(data).map_err(StoreError::from)?;
-        let folder = data.join("jobs");
-        std::fs::create_dir_all(&folder).map_err(StoreError::from)?;
+        let presence = store.jobs().enter(data).await?;
+        let files = store.jobs().files(data);
+        std::fs::create_dir_all(files.folder()).map_err(StoreError::from)?;
         let shared = Shared {
             settings: settings.clone(),
             kinds,
             things: store.clone(),
             store: store.jobs(),
-            folder,
+            files,
             presence,
+            worker: AtomicU64::default(),
             threads: Threads::new(settings.thread_count()),
             uploads: Arc::new(Semaphore::new(settings.max_uploads)),
             wake: Arc::default(),
@@ -124,7 +129,7 @@ impl Jobs {
         }
         let place = Arc::clone(&self.shared.uploads).try_acquire_owned();
         let place = place.map_err(|_| full("as many uploads as the service takes are under way".into()))?;
-        Intake::open(self.folder(), self.settings(), place).await
+        Intake::open(self.files().folder(), self.settings(), place).await
     }
 
     /// Makes a job of what was taken in. The same key names the same job.
@@ -159,10 +164,13 @@ impl Jobs {
             request,
             files: intake.files.clone(),
             idempotency_key: key,
+            uploads: Some(intake.uploads.clone()),
         };
-        match self.store().make(new, self.settings().queue).await? {
+        match self.store().make(&new, self.settings().queue).await? {
             Made::New(job) => {
-                intake.keep();
+                if self.files().stay_in_folder() {
+                    intake.keep();
+                }
                 tracing::info!(job = job.id, kind, files = job.files.len(), "job made");
                 self.shared.wake.notify_one();
                 self.changed().await;
@@ -193,22 +201,27 @@ impl Jobs {
     /// # Errors
     /// [`FaultKind::NotFound`].
     pub async fn get(&self, kind: &str, id: &str) -> Result<Job, Fault> {
-        let job = self.store().get(id).await?.filter(|job| job.kind == kind);
-        job.ok_or_else(|| Fault::new(FaultKind::NotFound, format!("no {kind} {id:?}")))
+        let missing = || Fault::new(FaultKind::NotFound, format!("no {kind} {id:?}"));
+        // Ids are letters and digits; what else may stand in a path, a database need not take for text.
+        if !id.bytes().all(|byte| byte.is_ascii_alphanumeric()) {
+            return Err(missing());
+        }
+        self.store().get(id).await?.filter(|job| job.kind == kind).ok_or_else(missing)
     }
 
-    /// The page for people.
+    /// What is kept beside a job's result under this name, such as [`REPORT`].
     ///
     /// # Errors
-    /// [`FaultKind::NotFound`] if there is no such job, or no report of it (yet).
-    pub async fn report(&self, kind: &str, id: &str) -> Result<String, Fault> {
+    /// [`FaultKind::NotFound`] if there is no such job, or nothing of that name beside its result (yet).
+    pub async fn attachment(&self, kind: &str, id: &str, name: &str) -> Result<Vec<u8>, Fault> {
         let job = self.get(kind, id).await?;
         let missing = |detail: String| Fault::new(FaultKind::NotFound, detail);
+        let status = job.status.name();
         if !job.status.is_final() {
-            return Err(missing(format!("the {kind} is {}: there is no report yet", job.status.name())));
+            return Err(missing(format!("the {kind} is {status}: there is no {name} yet")));
         }
-        let page = tokio::fs::read_to_string(kind::report(self.folder(), id)).await;
-        page.map_err(|_| missing(format!("the {kind} has {}: there is no report of it", job.status.name())))
+        let found = self.files().attachment(id, name).await?;
+        found.ok_or_else(|| missing(format!("the {kind} has {status}: there is no {name} of it")))
     }
 
     /// What happened to a job after the event of this number.
@@ -278,7 +291,7 @@ impl Jobs {
     /// Removes a job that has ended, with its folder.
     async fn remove(&self, id: &str) -> Result<(), Fault> {
         if self.store().remove(id).await? {
-            let _ = tokio::fs::remove_dir_all(self.folder().join(id)).await;
+            self.files().remove(id).await;
             self.changed().await;
         }
         Ok(())
@@ -286,8 +299,8 @@ impl Jobs {
 
     /// Removes folders that belong to no job.
     async fn sweep(&self) -> Result<(), Fault> {
-        let known = self.store().ids().await?;
-        for entry in std::fs::read_dir(self.folder()).map_err(StoreError::from)?.flatten() {
+        let known = if self.files().stay_in_folder() { self.store().ids().await? } else { Vec::new() };
+        for entry in std::fs::read_dir(self.files().folder()).map_err(StoreError::from)?.flatten() {
             if !known.iter().any(|id| **id == *entry.file_name()) {
                 let _ = tokio::fs::remove_dir_all(entry.path()).await;
             }
@@ -310,10 +323,15 @@ impl Jobs {
 
     /// Gives back what the dead held, removes what has outlived its time.
     async fn tidy(&self) -> Result<(), Fault> {
-        let presence = &self.shared.presence;
-        let released = self.store().release(|worker| presence.is_alive(process_of(worker))).await?;
+        let living = self.shared.presence.living().await?;
+        let own = self.worker_name(self.shared.worker.load(Ordering::Acquire));
+        let is_alive = |worker: &str| match process_of(worker) {
+            process if process == self.shared.presence.name() => worker == own,
+            process => living.is_alive(process),
+        };
+        let released = self.store().release(is_alive).await?;
         if released > 0 {
-            tracing::info!(released, "steps of a dead process are taken again");
+            tracing::info!(released, "steps of the dead are taken again");
             self.shared.wake.notify_one();
         }
         for id in self.store().outlived(self.settings().keep_finished_s, self.settings().max_jobs).await? {
@@ -359,6 +377,12 @@ impl Jobs {
         self.shared.kinds.iter().find(|kind| kind.name() == name).map(Arc::clone)
     }
 
+    /// The name of the worker that runs from now on.
+    fn begin_worker(&self, number: u64) -> String {
+        self.shared.worker.store(number, Ordering::Release);
+        self.worker_name(number)
+    }
+
     /// The process, and after the slash the worker.
     fn worker_name(&self, number: u64) -> String {
         format!("{}/{number}", self.shared.presence.name())
@@ -376,8 +400,8 @@ impl Jobs {
         &self.shared.things
     }
 
-    fn folder(&self) -> &Path {
-        &self.shared.folder
+    fn files(&self) -> &JobFiles {
+        &self.shared.files
     }
 
     fn threads(&self) -> &Threads {

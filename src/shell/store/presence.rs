@@ -1,10 +1,15 @@
-//! Which processes live on a data folder: each holds a lock on a file of its own, which the system takes away from the dead.
+//! Which processes live on a store: each holds a lock on a file of its own in the data folder, which the system takes away from the dead;
+//! with PostgreSQL, where the others may be on other machines, one in the database too.
 
+use std::collections::HashSet;
 use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use ulid::Ulid;
+
+use super::StoreError;
+use super::postgres::{Session, key_of};
 
 /// A process that is there. It has left when this is dropped.
 #[derive(Debug)]
@@ -12,6 +17,27 @@ pub struct Presence {
     name: String,
     folder: PathBuf,
     _lock: File,
+    session: Option<Session>,
+}
+
+/// Who lived when it was looked.
+#[derive(Debug)]
+pub enum Living<'a> {
+    /// The folder tells.
+    Folder(&'a Presence),
+    /// The database has told: the keys of the living, and us.
+    Database(HashSet<u32>, &'a Presence),
+}
+
+impl Living<'_> {
+    /// Whether the process of this name lives.
+    #[must_use]
+    pub fn is_alive(&self, name: &str) -> bool {
+        match self {
+            Self::Folder(presence) => presence.is_alive(name),
+            Self::Database(keys, presence) => name == presence.name || keys.contains(&key_of(name)),
+        }
+    }
 }
 
 impl Presence {
@@ -28,7 +54,25 @@ impl Presence {
         if let Err(error) = lock.try_lock() {
             tracing::warn!(folder = %folder.display(), %error, "no locks on this file system");
         }
-        Ok(Self { name, folder, _lock: lock })
+        Ok(Self { name, folder, _lock: lock, session: None })
+    }
+
+    /// In the database too.
+    #[must_use]
+    pub fn with_session(mut self, session: Session) -> Self {
+        self.session = Some(session);
+        self
+    }
+
+    /// Who lives, wherever the store is shared.
+    ///
+    /// # Errors
+    /// If the database cannot be asked.
+    pub async fn living(&self) -> Result<Living<'_>, StoreError> {
+        Ok(match &self.session {
+            Some(session) => Living::Database(session.living().await?, self),
+            None => Living::Folder(self),
+        })
     }
 
     /// A name that no other process has.
@@ -37,7 +81,7 @@ impl Presence {
         &self.name
     }
 
-    /// Whether the process of this name lives. One that cannot be asked is taken to live.
+    /// Whether the process of this name lives on this folder. One that cannot be asked is taken to live.
     #[must_use]
     pub fn is_alive(&self, name: &str) -> bool {
         if name == self.name {

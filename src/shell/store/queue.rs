@@ -1,34 +1,38 @@
 //! The steps of jobs that wait to be taken, in the tables of the job library, apalis. What is put into the queue or taken out of
 //! it with the state of a job goes in one transaction with it, so neither is ever there without the other.
 //!
-//! Traps of apalis-sqlite 1.0 that are gone round here: its `setup` would switch a connection of our pool to `synchronous = OFF`, so
-//! its migrations are run alone, under a table of their own; a worker sends no heartbeat while it has fetched more tasks than
+//! Traps of apalis 1.0 that are gone round here and in `worker.rs`: a worker sends no heartbeat while it has fetched more tasks than
 //! it has begun, so it fetches one at a time; a worker ends at the first error of the database, so who runs one
 //! starts another, which takes over what the last one held.
 
 use std::time::Duration;
 
-use apalis_core::backend::WorkerFilter;
+use apalis_core::task::Task;
 use apalis_core::task::builder::TaskBuilder;
 use apalis_core::task::task_id::TaskId;
-use apalis_sqlite::{Config, SqliteStorage, SqliteTask, queries};
+use apalis_postgres::PostgresStorage;
+use apalis_sqlite::SqliteStorage;
 use serde::{Deserialize, Serialize};
-use sqlx::SqliteConnection;
-use sqlx::sqlite::SqlitePool;
 use ulid::Ulid;
 
 use super::StoreError;
 
 /// Name of the queue in the library's tables.
-const QUEUE: &str = "skypose";
-/// Where the library's migrations are noted: ours have the usual table.
-const MIGRATIONS: &str = "_apalis_migrations";
+pub(super) const QUEUE: &str = "skypose";
 /// A process that lives says so this often.
-const HEARTBEAT: Duration = Duration::from_secs(5);
+pub(super) const HEARTBEAT: Duration = Duration::from_secs(5);
 /// One that has missed so many is taken for dead, and what it held is given to others.
-const MISSED_HEARTBEATS: usize = 4;
+pub(super) const MISSED_HEARTBEATS: usize = 4;
 /// How often a step is tried is for the service to say.
 const MAX_ATTEMPTS: usize = 1_000_000;
+
+/// The queue as a worker takes from it. The state of a job says who is at it, so that of a task need not: tasks are not locked.
+pub enum Steps {
+    /// In the file.
+    Sqlite(SqliteStorage<Step>),
+    /// In the database.
+    Postgres(PostgresStorage<Step>),
+}
 
 /// A step of a job.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
@@ -61,72 +65,30 @@ impl Step {
         }
     }
 
-    fn task(&self, id: Ulid) -> Result<SqliteTask, StoreError> {
+    fn task(&self, id: Ulid, now_s: Option<u64>) -> Result<Task<Vec<u8>>, StoreError> {
         let task = TaskBuilder::new(serde_json::to_vec(self)?)
             .task_id(TaskId::from_ulid(id))
             .idempotency_key(self.key())
             .max_attempts(MAX_ATTEMPTS)
             // A job that lacks only this is to be done before the next is begun.
             .priority(usize::from(self.part == Part::Finish));
-        Ok(task.build())
+        Ok(match now_s {
+            Some(now_s) => task.run_at_timestamp(now_s).build(),
+            None => task.build(),
+        })
     }
 }
 
-/// Makes the library's tables.
-pub(super) async fn migrate(pool: &SqlitePool) -> Result<(), StoreError> {
-    let mut migrations = SqliteStorage::migrations();
-    migrations.dangerous_set_table_name(MIGRATIONS);
-    Ok(migrations.run(pool).await?)
-}
-
-/// Puts steps into the queue, in their order. One that is there already is left alone.
-pub(super) async fn push(to: &mut SqliteConnection, steps: impl IntoIterator<Item = Step>) -> Result<(), StoreError> {
+/// Steps as tasks of the library, in their order, to be taken from `now_s` on or at once.
+pub(super) fn tasks(
+    steps: impl IntoIterator<Item = Step>,
+    now_s: Option<u64>,
+) -> Result<Vec<Task<Vec<u8>>>, StoreError> {
     let mut id = Ulid::generate();
     let mut tasks = Vec::new();
     for step in steps {
-        tasks.push(step.task(id)?);
+        tasks.push(step.task(id, now_s)?);
         id = id.increment().unwrap_or_else(|_| Ulid::generate());
     }
-    Ok(queries::push_tasks(to, QUEUE, &tasks).await?)
-}
-
-/// Takes all steps of a job out of the queue; who is at one of them goes on undisturbed.
-pub(super) async fn forget(from: &mut SqliteConnection, job: &str) -> Result<(), StoreError> {
-    // '0' comes after '/': all keys that begin with the job and a slash, by the index.
-    sqlx::query("DELETE FROM Jobs WHERE job_type = ? AND idempotency_key >= ? || '/' AND idempotency_key < ? || '0'")
-        .bind(QUEUE)
-        .bind(job)
-        .bind(job)
-        .execute(from)
-        .await?;
-    Ok(())
-}
-
-/// The queue as a worker takes from it.
-pub(super) fn storage(pool: &SqlitePool) -> SqliteStorage<Step> {
-    let config = Config::default()
-        .queue(QUEUE)
-        .batch_size(1)
-        // The state of a job says who is at it; that of the task need not.
-        .lock_tasks(false)
-        .heartbeat_interval(HEARTBEAT)
-        .missed_heartbeats(MISSED_HEARTBEATS);
-    SqliteStorage::new(pool).with_config(config)
-}
-
-/// Gives back what the workers hold that are not alive, and forgets them; their number.
-pub(super) async fn release(pool: &SqlitePool, is_alive: impl Fn(&str) -> bool) -> Result<u64, StoreError> {
-    let workers: Vec<String> =
-        sqlx::query_scalar("SELECT id FROM Workers WHERE worker_type = ?").bind(QUEUE).fetch_all(pool).await?;
-    let mut released = 0;
-    for worker in workers.into_iter().filter(|worker| !is_alive(worker)) {
-        let mut change = pool.begin_with("BEGIN IMMEDIATE").await?;
-        let only = WorkerFilter::Only(worker.clone());
-        released += queries::reenqueue_orphaned(&mut *change, 0, QUEUE, &only).await?;
-        // Tasks that it has done or failed still name it.
-        sqlx::query("UPDATE Jobs SET lock_by = NULL WHERE lock_by = ?").bind(&worker).execute(&mut *change).await?;
-        sqlx::query("DELETE FROM Workers WHERE id = ?").bind(&worker).execute(&mut *change).await?;
-        change.commit().await?;
-    }
-    Ok(released)
+    Ok(tasks)
 }

@@ -34,6 +34,7 @@ impl FaultKind {
             Self::NotAFrame => (415, "not-a-frame", "The body is not of a type that is read here"),
             Self::Senseless => (422, "senseless", "The request can be read but makes no sense"),
             Self::Overloaded => (503, "overloaded", "The service is full"),
+            Self::Unreachable => (503, "unreachable", "The store cannot be reached"),
             Self::DeadlineExceeded => (503, "deadline-exceeded", "The request took too long"),
             Self::Internal => (500, "internal", "The service failed"),
         }
@@ -42,7 +43,7 @@ impl FaultKind {
     /// Whether the same request may succeed a moment later.
     #[must_use]
     pub const fn is_passing(self) -> bool {
-        matches!(self, Self::Overloaded | Self::DeadlineExceeded)
+        matches!(self, Self::Overloaded | Self::Unreachable | Self::DeadlineExceeded)
     }
 }
 

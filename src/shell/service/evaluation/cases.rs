@@ -48,6 +48,24 @@ pub fn json_line(study: &Study, row: &Row) -> String {
     Value::Object(object).to_string()
 }
 
+/// All rows as CSV.
+#[must_use]
+pub fn csv(study: &Study, rows: &[Row]) -> String {
+    let mut text = csv_head(study) + "\n";
+    for row in rows {
+        text += &csv_line(study, row);
+        text.push('\n');
+    }
+    text
+}
+
+/// All rows as one JSON array.
+#[must_use]
+pub fn json(study: &Study, rows: &[Row]) -> String {
+    let objects: Vec<String> = rows.iter().map(|row| json_line(study, row)).collect();
+    format!("[{}]", objects.join(",\n"))
+}
+
 fn value_of(study: &Study, row: &Row) -> Option<f64> {
     study.sweep.as_ref()?.values.get(usize::try_from(row.step).ok()?).copied()
 }

@@ -9,9 +9,9 @@ use tokio::io::AsyncWriteExt;
 use tokio::sync::OwnedSemaphorePermit;
 use ulid::Ulid;
 
-use super::kind::{file_name, uploads};
 use crate::shell::config::JobSettings;
 use crate::shell::fault::{Fault, FaultKind};
+use crate::shell::store::files::{file_name, uploads};
 use crate::shell::store::jobs::JobFile;
 
 /// Longest name of a file that is remembered, in characters.
@@ -23,7 +23,7 @@ pub struct Intake {
     pub(super) id: String,
     pub(super) files: Vec<JobFile>,
     folder: PathBuf,
-    uploads: PathBuf,
+    pub(super) uploads: PathBuf,
     settings: JobSettings,
     total: u64,
     seen: Sha256,

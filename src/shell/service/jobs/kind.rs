@@ -1,7 +1,6 @@
 //! What a kind of job has to say: how many shards it has, what one of them gives, and what is made of all.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,6 +8,7 @@ use serde_json::Value;
 
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store;
+use crate::shell::store::files::JobFiles;
 use crate::shell::store::jobs::{Job, JobFile};
 
 /// A kind of job. Each method is a function of its arguments alone, as it may be called again after a restart, elsewhere, or twice
@@ -47,10 +47,10 @@ pub struct Input {
 }
 
 impl Input {
-    pub(super) fn of(job: &Job, jobs: &Path) -> Self {
+    pub(super) fn of(job: &Job, store: &JobFiles) -> Self {
         Self {
             request: job.request.clone(),
-            files: JobFolder { path: uploads(jobs, &job.id), files: job.files.clone() },
+            files: JobFolder { job: job.id.clone(), files: job.files.clone(), store: store.clone() },
         }
     }
 }
@@ -58,8 +58,9 @@ impl Input {
 /// The files that came with a job.
 #[derive(Clone, Debug)]
 pub struct JobFolder {
-    path: PathBuf,
+    job: String,
     files: Vec<JobFile>,
+    store: JobFiles,
 }
 
 impl JobFolder {
@@ -69,29 +70,15 @@ impl JobFolder {
         self.files.iter().map(|file| file.name.as_str())
     }
 
-    /// The bytes of one of them.
+    /// The bytes of one of them. Blocks.
     ///
     /// # Errors
     /// If it is not there any more.
     pub fn read(&self, number: u32) -> Result<Vec<u8>, Fault> {
-        std::fs::read(self.path.join(file_name(number as usize)))
+        self.store
+            .read_upload(&self.job, number as usize)
             .map_err(|error| Fault::new(FaultKind::Internal, format!("uploaded file {number}: {error}")))
     }
-}
-
-/// Where the files of a job are.
-pub(super) fn uploads(jobs: &Path, id: &str) -> PathBuf {
-    jobs.join(id).join("uploads")
-}
-
-/// Where the report of a job is.
-pub(super) fn report(jobs: &Path, id: &str) -> PathBuf {
-    jobs.join(id).join("report.html")
-}
-
-/// On the disk a file has its number only: its name is the sender's affair.
-pub(super) fn file_name(number: usize) -> String {
-    format!("{number:06}")
 }
 
 /// What a shard gives.
@@ -110,10 +97,22 @@ pub struct Outcome {
     pub result: Value,
     /// Why the job failed all the same.
     pub problem: Option<Fault>,
-    /// A page for people, HTML.
-    pub report: Option<String>,
+    /// What is kept beside the result, such as a page for people.
+    pub attachments: Vec<Attachment>,
     /// What is to be stored: only where there is no problem.
     pub things: Vec<Thing>,
+}
+
+/// Name of the attachment that is a page for people, HTML.
+pub const REPORT: &str = "report.html";
+
+/// Something that is kept beside a job's result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    /// Its name, with an ending that tells what it is.
+    pub name: &'static str,
+    /// Its bytes.
+    pub content: Vec<u8>,
 }
 
 /// Something to be stored by name.

@@ -1,12 +1,11 @@
 //! One step of a job after the other: prepare, each shard, finish. Each may be tried again at any time, and by two at once: what
 //! counts is what the store takes first.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::Jobs;
-use super::kind::{Input, Kind, Outcome, report, uploads};
+use super::kind::{Input, Kind, Outcome};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store::Precondition;
 use crate::shell::store::jobs::{Ending, Job, JobStatus};
@@ -74,7 +73,7 @@ impl<T: Into<Fault>> From<T> for Broken {
 }
 
 async fn prepare(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>) -> Result<(), Broken> {
-    let input = Input::of(job, jobs.folder());
+    let input = Input::of(job, jobs.files());
     let Some(shards) = compute(jobs, job, move |_| kind.shard_count(&input)).await? else { return Ok(()) };
     jobs.store().prepared(&job.id, shards).await?;
     jobs.changed().await;
@@ -85,7 +84,7 @@ async fn shard(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>, number: u32) -> Resu
     if jobs.store().has_shard(&job.id, number).await? {
         return Ok(());
     }
-    let input = Input::of(job, jobs.folder());
+    let input = Input::of(job, jobs.files());
     let start = Instant::now();
     let Some(shard) = compute(jobs, job, move |cancel| kind.run_shard(&input, number, cancel)).await? else {
         return Ok(());
@@ -97,14 +96,14 @@ async fn shard(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>, number: u32) -> Resu
 }
 
 async fn finish(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>) -> Result<(), Broken> {
-    let input = Input::of(job, jobs.folder());
+    let input = Input::of(job, jobs.files());
     let shards = jobs.store().shards(&job.id).await?;
     let Some(outcome) = compute(jobs, job, move |cancel| kind.finish(&input, shards, cancel)).await? else {
         return Ok(());
     };
-    let Outcome { result, problem, report: page, things } = outcome;
-    if let Some(page) = page {
-        write_report(jobs.folder(), &job.id, page).await?;
+    let Outcome { result, problem, attachments, things } = outcome;
+    for attachment in attachments {
+        jobs.files().attach(&job.id, attachment.name, attachment.content).await?;
     }
     if let Some(fault) = problem {
         let ending = Ending { result: Some(result), ..failure(&fault) };
@@ -167,17 +166,6 @@ pub(super) async fn end(jobs: &Jobs, job: &Job, ending: &Ending) -> Result<(), F
         tracing::info!(job = job.id, kind = job.kind, status, message = ending.message, "job ended");
         jobs.changed().await;
     }
-    let _ = tokio::fs::remove_dir_all(uploads(jobs.folder(), &job.id)).await;
+    jobs.files().remove_uploads(&job.id).await;
     Ok(())
-}
-
-/// Whole or not at all.
-async fn write_report(folder: &Path, id: &str, page: String) -> Result<(), Fault> {
-    let path = report(folder, id);
-    let partial = path.with_extension("partial");
-    let written = async {
-        tokio::fs::write(&partial, page).await?;
-        tokio::fs::rename(&partial, &path).await
-    };
-    written.await.map_err(|error| Fault::new(FaultKind::Internal, format!("the report cannot be stored: {error}")))
 }

@@ -1,11 +1,12 @@
 //! The machinery, with a kind of job that sleeps.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::json;
-use tempfile::TempDir;
 
 use super::*;
+use crate::shell::store::trial::{Place, places};
 
 /// Squares of the numbers below `shards`, each after `sleep_ms`.
 #[derive(Debug, Default)]
@@ -42,9 +43,13 @@ impl Kind for Squares {
 
     fn finish(&self, input: &Input, shards: Vec<Value>, _: &Cancel) -> Result<Outcome, Fault> {
         let files: Vec<&str> = input.files.names().collect();
-        let report = Some(format!("<p>{}</p>", shards.len()));
-        Ok(Outcome { result: json!({"squares": shards, "files": files}), report, ..Outcome::default() })
+        let attachments = vec![Attachment { name: REPORT, content: format!("<p>{}</p>", shards.len()).into_bytes() }];
+        Ok(Outcome { result: json!({"squares": shards, "files": files}), attachments, ..Outcome::default() })
     }
+}
+
+fn received(place: &Place) -> PathBuf {
+    place.data.path().join(if place.is_folder() { "jobs" } else { "received" })
 }
 
 /// A process, as far as jobs go.
@@ -55,14 +60,14 @@ struct Process {
 }
 
 impl Process {
-    async fn start(data: &TempDir) -> Self {
-        Self::with(data, JobSettings { threads: 2, ..JobSettings::default() }).await
+    async fn start(place: &Place) -> Self {
+        Self::with(place, JobSettings { threads: 2, ..JobSettings::default() }).await
     }
 
-    async fn with(data: &TempDir, settings: JobSettings) -> Self {
-        let store = Store::open(data.path()).await.expect("opens");
+    async fn with(place: &Place, settings: JobSettings) -> Self {
+        let store = place.open().await;
         let kind = Arc::<Squares>::default();
-        let jobs = Jobs::start(&settings, data.path(), &store, vec![kind.clone()]).await.expect("starts");
+        let jobs = Jobs::start(&settings, place.data.path(), &store, vec![kind.clone()]).await.expect("starts");
         Self { store, jobs, kind }
     }
 
@@ -103,128 +108,136 @@ const LONG: Duration = Duration::from_secs(20);
 
 #[tokio::test]
 async fn a_job_is_prepared_computed_and_finished() {
-    let data = tempfile::tempdir().expect("a folder");
-    let process = Process::start(&data).await;
-    let job = process.make(json!({"shards": 7})).await;
-    assert!(data.path().join("jobs").join(&job.id).join("uploads/000000").exists());
-    let ended = process.ended(&job.id).await;
-    assert_eq!((ended.status, ended.result, ended.done), (JobStatus::Succeeded, Some(squares(7)), 7));
-    assert_eq!(process.jobs.report(SQUARES, &job.id).await.as_deref(), Ok("<p>7</p>"));
-    let told = process.jobs.events(&job.id, 0).await.expect("reads");
-    assert_eq!(told.len(), 2 + 7 + 1);
-    assert_eq!((told[0].status, told[9].status), (JobStatus::Queued, JobStatus::Succeeded));
-    assert!(told.iter().any(|event| event.message == "3 squared"));
-    assert_eq!(process.kind.begun.load(Ordering::SeqCst), 7);
-    let empty = process.make(json!({"shards": 0})).await;
-    assert_eq!(process.ended(&empty.id).await.result, Some(squares(0)));
-    process.stop(LONG).await;
-    assert!(!data.path().join("jobs").join(&job.id).join("uploads").exists(), "uploads are kept");
+    for place in places().await {
+        let process = Process::start(&place).await;
+        let job = process.make(json!({"shards": 7})).await;
+        let stays = received(&place).join(&job.id).join("uploads/000000").exists();
+        assert!(stays || !place.is_folder(), "the job's files are not there");
+        let ended = process.ended(&job.id).await;
+        assert_eq!((ended.status, ended.result, ended.done), (JobStatus::Succeeded, Some(squares(7)), 7));
+        assert_eq!(process.jobs.attachment(SQUARES, &job.id, REPORT).await.as_deref(), Ok(&b"<p>7</p>"[..]));
+        let told = process.jobs.events(&job.id, 0).await.expect("reads");
+        assert_eq!(told.len(), 2 + 7 + 1);
+        assert_eq!((told[0].status, told[9].status), (JobStatus::Queued, JobStatus::Succeeded));
+        assert!(told.iter().any(|event| event.message == "3 squared"));
+        assert_eq!(process.kind.begun.load(Ordering::SeqCst), 7);
+        let empty = process.make(json!({"shards": 0})).await;
+        assert_eq!(process.ended(&empty.id).await.result, Some(squares(0)));
+        process.stop(LONG).await;
+        assert!(!received(&place).join(&job.id).join("uploads").exists(), "uploads are kept");
+    }
 }
 
 #[tokio::test]
 async fn what_fails_says_why_and_the_next_goes_on() {
-    let data = tempfile::tempdir().expect("a folder");
-    let process = Process::start(&data).await;
-    let senseless = process.make(json!({})).await;
-    let panics = process.make(json!({"shards": 3, "panic_at": 1})).await;
-    let fine = process.make(json!({"shards": 3})).await;
-    let problem = |job: Job| (job.status, job.problem.expect("a problem"));
-    let (status, problem_found) = problem(process.ended(&senseless.id).await);
-    assert_eq!((status, &problem_found["pointer"]), (JobStatus::Failed, &json!("/shards")));
-    let (status, problem_found) = problem(process.ended(&panics.id).await);
-    assert_eq!((status, &problem_found["status"]), (JobStatus::Failed, &json!(500)));
-    assert_eq!(process.ended(&fine.id).await.status, JobStatus::Succeeded);
-    process.stop(LONG).await;
+    for place in places().await {
+        let process = Process::start(&place).await;
+        let senseless = process.make(json!({})).await;
+        let panics = process.make(json!({"shards": 3, "panic_at": 1})).await;
+        let fine = process.make(json!({"shards": 3})).await;
+        let problem = |job: Job| (job.status, job.problem.expect("a problem"));
+        let (status, problem_found) = problem(process.ended(&senseless.id).await);
+        assert_eq!((status, &problem_found["pointer"]), (JobStatus::Failed, &json!("/shards")));
+        let (status, problem_found) = problem(process.ended(&panics.id).await);
+        assert_eq!((status, &problem_found["status"]), (JobStatus::Failed, &json!(500)));
+        assert_eq!(process.ended(&fine.id).await.status, JobStatus::Succeeded);
+        process.stop(LONG).await;
+    }
 }
 
 #[tokio::test]
 async fn a_job_that_was_interrupted_comes_to_the_same_result() {
-    let data = tempfile::tempdir().expect("a folder");
-    let first = Process::start(&data).await;
-    let job = first.make(json!({"shards": 24, "sleep_ms": 40})).await;
-    first.when(&job.id, |job| job.done >= 3).await;
-    let kind = first.kind.clone();
-    first.stop(Duration::ZERO).await;
-    let begun = kind.begun.load(Ordering::SeqCst);
-    let second = Process::start(&data).await;
-    let found = second.jobs.get(SQUARES, &job.id).await.expect("is there");
-    assert!(found.done >= 3 && found.done < 24, "{found:?}");
-    let ended = second.ended(&job.id).await;
-    assert_eq!((ended.status, ended.result), (JobStatus::Succeeded, Some(squares(24))));
-    let again = begun + second.kind.begun.load(Ordering::SeqCst) - 24;
-    assert!(again <= 2, "{again} shards were computed twice; only those under way may be");
-    second.stop(LONG).await;
+    for place in places().await {
+        let first = Process::start(&place).await;
+        let job = first.make(json!({"shards": 24, "sleep_ms": 40})).await;
+        first.when(&job.id, |job| job.done >= 3).await;
+        let kind = first.kind.clone();
+        first.stop(Duration::ZERO).await;
+        let begun = kind.begun.load(Ordering::SeqCst);
+        let second = Process::start(&place).await;
+        let found = second.jobs.get(SQUARES, &job.id).await.expect("is there");
+        assert!(found.done >= 3 && found.done < 24, "{found:?}");
+        let ended = second.ended(&job.id).await;
+        assert_eq!((ended.status, ended.result), (JobStatus::Succeeded, Some(squares(24))));
+        let again = begun + second.kind.begun.load(Ordering::SeqCst) - 24;
+        assert!(again <= 2, "{again} shards were computed twice; only those under way may be");
+        second.stop(LONG).await;
+    }
 }
 
 #[tokio::test]
 async fn told_to_stop_it_ends_what_it_has_begun() {
-    let data = tempfile::tempdir().expect("a folder");
-    let process = Process::start(&data).await;
-    let job = process.make(json!({"shards": 4, "sleep_ms": 300})).await;
-    process.when(&job.id, |_| process.kind.begun.load(Ordering::SeqCst) == 2).await;
-    let (kind, store) = (process.kind.clone(), process.store.clone());
-    process.jobs.drain(LONG).await;
-    assert_eq!((kind.begun.load(Ordering::SeqCst), kind.told.load(Ordering::SeqCst)), (2, 0));
-    assert_eq!(store.jobs().get(&job.id).await.expect("reads").map(|job| job.done), Some(2));
+    for place in places().await {
+        let process = Process::start(&place).await;
+        let job = process.make(json!({"shards": 4, "sleep_ms": 300})).await;
+        process.when(&job.id, |_| process.kind.begun.load(Ordering::SeqCst) == 2).await;
+        let (kind, store) = (process.kind.clone(), process.store.clone());
+        process.jobs.drain(LONG).await;
+        assert_eq!((kind.begun.load(Ordering::SeqCst), kind.told.load(Ordering::SeqCst)), (2, 0));
+        assert_eq!(store.jobs().get(&job.id).await.expect("reads").map(|job| job.done), Some(2));
+    }
 }
 
 #[tokio::test]
 async fn two_processes_share_the_shards_of_a_job() {
-    let data = tempfile::tempdir().expect("a folder");
-    let (first, second) = (Process::start(&data).await, Process::start(&data).await);
-    let job = first.make(json!({"shards": 60, "sleep_ms": 50})).await;
-    let ended = first.ended(&job.id).await;
-    assert_eq!(ended.result, Some(squares(60)));
-    let (by_first, by_second) = (first.kind.begun.load(Ordering::SeqCst), second.kind.begun.load(Ordering::SeqCst));
-    assert_eq!(by_first + by_second, 60, "a shard was computed twice");
-    assert!(by_first > 0 && by_second > 0, "{by_first} and {by_second}");
-    first.stop(LONG).await;
-    second.stop(LONG).await;
+    for place in places().await {
+        let (first, second) = (Process::start(&place).await, Process::start(&place).await);
+        let job = first.make(json!({"shards": 60, "sleep_ms": 50})).await;
+        let ended = first.ended(&job.id).await;
+        assert_eq!(ended.result, Some(squares(60)));
+        let (by_first, by_second) = (first.kind.begun.load(Ordering::SeqCst), second.kind.begun.load(Ordering::SeqCst));
+        assert_eq!(by_first + by_second, 60, "a shard was computed twice");
+        assert!(by_first > 0 && by_second > 0, "{by_first} and {by_second}");
+        first.stop(LONG).await;
+        second.stop(LONG).await;
+    }
 }
 
 #[tokio::test]
 async fn a_job_cancelled_by_another_process_is_given_up() {
-    let data = tempfile::tempdir().expect("a folder");
-    let (first, second) = (Process::start(&data).await, Process::start(&data).await);
-    let job = first.make(json!({"shards": 2, "sleep_ms": 60_000})).await;
-    let begun = || first.kind.begun.load(Ordering::SeqCst) + second.kind.begun.load(Ordering::SeqCst);
-    first.when(&job.id, |_| begun() >= 1).await;
-    let deleted = second.jobs.delete(SQUARES, &job.id).await.expect("cancels");
-    assert!(matches!(&deleted, Deleted::Cancelled(job) if job.status == JobStatus::Cancelled), "{deleted:?}");
-    let told = || first.kind.told.load(Ordering::SeqCst) + second.kind.told.load(Ordering::SeqCst);
-    first.when(&job.id, |_| told() == begun()).await;
-    assert_eq!(first.jobs.get(SQUARES, &job.id).await.expect("is there").status, JobStatus::Cancelled);
-    assert_eq!(first.jobs.delete(SQUARES, &job.id).await, Ok(Deleted::Removed));
-    assert!(first.jobs.get(SQUARES, &job.id).await.is_err());
-    assert!(!data.path().join("jobs").join(&job.id).exists());
-    let next = second.make(json!({"shards": 2})).await;
-    assert_eq!(second.ended(&next.id).await.status, JobStatus::Succeeded, "the threads are free again");
-    first.stop(LONG).await;
-    second.stop(LONG).await;
+    for place in places().await {
+        let (first, second) = (Process::start(&place).await, Process::start(&place).await);
+        let job = first.make(json!({"shards": 2, "sleep_ms": 60_000})).await;
+        let begun = || first.kind.begun.load(Ordering::SeqCst) + second.kind.begun.load(Ordering::SeqCst);
+        first.when(&job.id, |_| begun() >= 1).await;
+        let deleted = second.jobs.delete(SQUARES, &job.id).await.expect("cancels");
+        assert!(matches!(&deleted, Deleted::Cancelled(job) if job.status == JobStatus::Cancelled), "{deleted:?}");
+        let told = || first.kind.told.load(Ordering::SeqCst) + second.kind.told.load(Ordering::SeqCst);
+        first.when(&job.id, |_| told() == begun()).await;
+        assert_eq!(first.jobs.get(SQUARES, &job.id).await.expect("is there").status, JobStatus::Cancelled);
+        assert_eq!(first.jobs.delete(SQUARES, &job.id).await, Ok(Deleted::Removed));
+        assert!(first.jobs.get(SQUARES, &job.id).await.is_err());
+        assert!(!received(&place).join(&job.id).exists());
+        let next = second.make(json!({"shards": 2})).await;
+        assert_eq!(second.ended(&next.id).await.status, JobStatus::Succeeded, "the threads are free again");
+        first.stop(LONG).await;
+        second.stop(LONG).await;
+    }
 }
 
 #[tokio::test]
 async fn what_the_dead_have_left_is_swept() {
-    let data = tempfile::tempdir().expect("a folder");
-    let settings = JobSettings { queue: 1, max_jobs: 2, ..JobSettings::default() };
-    let process = Process::with(&data, settings.clone()).await;
-    let kept = process.make(json!({"shards": 1})).await;
-    process.ended(&kept.id).await;
-    process.stop(LONG).await;
-    let left = data.path().join("jobs/left");
-    std::fs::create_dir_all(left.join("uploads")).expect("makes");
-    let process = Process::with(&data, settings.clone()).await;
-    assert!(!left.exists() && data.path().join("jobs").join(&kept.id).exists());
-    // Another that starts while this lives takes no folder for left over.
-    let intake = process.jobs.intake().await.expect("takes");
-    let other = Process::with(&data, settings).await;
-    assert!(data.path().join("jobs").join(&intake.id).exists());
-    for _ in 0..3 {
-        let job = process.make(json!({"shards": 1})).await;
-        process.ended(&job.id).await;
+    for place in places().await {
+        let settings = JobSettings { queue: 1, max_jobs: 2, ..JobSettings::default() };
+        let process = Process::with(&place, settings.clone()).await;
+        let kept = process.make(json!({"shards": 1})).await;
+        process.ended(&kept.id).await;
+        process.stop(LONG).await;
+        let left = received(&place).join("left");
+        std::fs::create_dir_all(left.join("uploads")).expect("makes");
+        let process = Process::with(&place, settings.clone()).await;
+        assert!(!left.exists() && received(&place).join(&kept.id).exists() == place.is_folder());
+        // Another that starts while this lives takes no folder for left over.
+        let intake = process.jobs.intake().await.expect("takes");
+        let other = Process::with(&place, settings).await;
+        assert!(received(&place).join(&intake.id).exists());
+        for _ in 0..3 {
+            let job = process.make(json!({"shards": 1})).await;
+            process.ended(&job.id).await;
+        }
+        process.jobs.tidy().await.expect("tidies");
+        assert_eq!(process.jobs.list(SQUARES).await.expect("lists").len(), 2);
+        other.stop(LONG).await;
+        process.stop(LONG).await;
     }
-    process.jobs.tidy().await.expect("tidies");
-    assert_eq!(process.jobs.list(SQUARES).await.expect("lists").len(), 2);
-    other.stop(LONG).await;
-    process.stop(LONG).await;
 }

@@ -17,7 +17,7 @@ use tower::limit::ConcurrencyLimitLayer;
 
 use super::Jobs;
 use super::steps::{self, Undone};
-use crate::shell::store::queue::Step;
+use crate::shell::store::queue::{Step, Steps};
 
 /// How often the queue is looked into when nobody in this process has put something into it.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -31,16 +31,27 @@ pub(super) async fn run(jobs: Jobs) {
         if *stop.borrow() {
             return;
         }
-        let name = jobs.worker_name(number);
+        let name = jobs.begin_worker(number);
         let context = WorkerContext::new(&name);
-        let worker = WorkerBuilder::new(context.clone())
-            .backend(jobs.store().steps().poll_with_stream(looks(jobs.wake())))
-            .layer(ConcurrencyLimitLayer::new(jobs.settings().thread_count()))
-            .data(jobs.clone())
-            .build(take);
         // A task of its own, which ends with this one: the library may panic, and the queue is to be read all the same.
         let mut running = JoinSet::new();
-        running.spawn(worker.run());
+        // The same worker on either queue.
+        macro_rules! spawn {
+            ($steps:expr) => {
+                running.spawn(
+                    WorkerBuilder::new(context.clone())
+                        .backend($steps.poll_with_stream(looks(jobs.wake())))
+                        .layer(ConcurrencyLimitLayer::new(jobs.settings().thread_count()))
+                        .data(jobs.clone())
+                        .build(take)
+                        .run(),
+                )
+            };
+        }
+        match jobs.store().steps() {
+            Steps::Sqlite(steps) => spawn!(steps),
+            Steps::Postgres(steps) => spawn!(steps),
+        };
         let ended = tokio::select! {
             ended = running.join_next() => Some(ended),
             () = stopped(&mut stop) => None,

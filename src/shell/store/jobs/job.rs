@@ -1,12 +1,14 @@
 //! What a job is, and what becomes of it.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Where a job stands.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash, Serialize, sqlx::Type, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
-#[sqlx(rename_all = "snake_case")]
+#[sqlx(type_name = "text", rename_all = "snake_case")]
 pub enum JobStatus {
     /// Nobody has begun it.
     Queued,
@@ -50,7 +52,7 @@ pub struct JobFile {
 }
 
 /// A job.
-#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Job {
     /// Names it everywhere; not to be guessed.
     pub id: String,
@@ -59,10 +61,8 @@ pub struct Job {
     /// Where it stands.
     pub status: JobStatus,
     /// What was asked.
-    #[sqlx(json)]
     pub request: Value,
     /// What came with it.
-    #[sqlx(json)]
     pub files: Vec<JobFile>,
     /// Tag of request and files.
     pub fingerprint: String,
@@ -71,10 +71,8 @@ pub struct Job {
     /// Those whose result is stored.
     pub done: u32,
     /// What came of it.
-    #[sqlx(json(nullable))]
     pub result: Option<Value>,
     /// Why it failed: the problem of the contract.
-    #[sqlx(json(nullable))]
     pub problem: Option<Value>,
     /// When it was made, us since 1970.
     pub created_us: i64,
@@ -99,6 +97,8 @@ pub struct NewJob {
     pub fingerprint: String,
     /// The client's name for it.
     pub idempotency_key: Option<String>,
+    /// The folder in which its files were received, if there are any.
+    pub uploads: Option<PathBuf>,
 }
 
 /// What became of a job that was to be made.
@@ -118,7 +118,7 @@ pub enum Made {
 }
 
 /// Something that happened to a job.
-#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JobEvent {
     /// Counts from 1.
     pub number: i64,
