@@ -1,6 +1,8 @@
 //! The wall: only behind this door is the world touched. Clocks, files, sockets, logs, threads and child processes live
 //! here, and every serialised shape.
 
+#[cfg(feature = "zenoh")]
+pub mod bus;
 pub mod cli;
 pub mod config;
 pub mod console;

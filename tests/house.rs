@@ -23,7 +23,7 @@ const BUILT_ON: [(&str, &[&str]); 1] = [("evaluate", &["scene", "plot"])];
 const SHELL: [&str; 1] = ["shell"];
 
 /// What only the shell may name.
-const WORLD: [&str; 18] = [
+const WORLD: [&str; 19] = [
     "std::fs",
     "std::net",
     "std::io::stdout",
@@ -36,6 +36,7 @@ const WORLD: [&str; 18] = [
     "tokio",
     "axum",
     "sqlx",
+    "zenoh",
     "reqwest",
     "serde",
     "tracing",

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::frame::Limits;
 use crate::identify::IdentifyOptions;
 use crate::pipeline;
-use crate::shell::store::address_problem;
+use crate::shell::store::{address_problem, check_name};
 
 pub use load::{SettingFault, load};
 
@@ -35,6 +35,8 @@ pub struct Settings {
     pub sequences: SequenceSettings,
     /// How markers are told apart.
     pub identify: IdentifySettings,
+    /// The swarm side.
+    pub zenoh: ZenohSettings,
     /// What is logged.
     pub log: LogSettings,
 }
@@ -317,6 +319,60 @@ impl IdentifySettings {
     }
 }
 
+/// The swarm side.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ZenohSettings {
+    /// An endpoint to listen on as a peer, or a Zenoh configuration file; empty is no Zenoh.
+    pub network: String,
+    /// What all keys begin with.
+    pub prefix: String,
+    /// The group of nodes that this one belongs to.
+    pub group: String,
+    /// The node's name; empty takes the machine's.
+    pub node: String,
+    /// Age at which a frame is of no use any more.
+    pub max_age_ms: u64,
+    /// Most cameras that are listened to.
+    pub max_cameras: usize,
+    /// Queries being answered at a time; further ones are refused.
+    pub max_queries: usize,
+    /// Time between two messages about a camera's state.
+    pub status_ms: u64,
+    /// Shared memory with others on this machine, where an endpoint is given; a file says it itself.
+    pub shared_memory: bool,
+}
+
+impl Default for ZenohSettings {
+    fn default() -> Self {
+        Self {
+            network: String::new(),
+            prefix: "skypose/v1".into(),
+            group: "default".into(),
+            node: String::new(),
+            max_age_ms: 500,
+            max_cameras: 32,
+            max_queries: 16,
+            status_ms: 1000,
+            shared_memory: true,
+        }
+    }
+}
+
+impl ZenohSettings {
+    /// Age at which a frame is of no use any more.
+    #[must_use]
+    pub const fn max_age(&self) -> Duration {
+        Duration::from_millis(self.max_age_ms)
+    }
+
+    /// Time between two messages about a camera's state.
+    #[must_use]
+    pub const fn status(&self) -> Duration {
+        Duration::from_millis(self.status_ms)
+    }
+}
+
 /// What is logged, to standard error.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
@@ -343,6 +399,9 @@ impl Default for LogSettings {
         Self { level: "info".into(), format: LogFormat::Text }
     }
 }
+
+/// What a name must be.
+const NAME: &str = "must be 1 to 64 letters, digits, '.', '_' or '-', the first a letter or a digit";
 
 impl Settings {
     /// Everything in them that makes no sense.
@@ -393,6 +452,15 @@ impl Settings {
             "identify.min_range_m",
             "must be positive and below identify.max_range_m, which is at most 1000000",
         );
+        let zenoh = &self.zenoh;
+        need((1..=3_600_000).contains(&zenoh.max_age_ms), "zenoh.max_age_ms", "must be from 1 to 3600000");
+        need((1..=1024).contains(&zenoh.max_cameras), "zenoh.max_cameras", "must be from 1 to 1024");
+        need((1..=1024).contains(&zenoh.max_queries), "zenoh.max_queries", "must be from 1 to 1024");
+        need((100..=3_600_000).contains(&zenoh.status_ms), "zenoh.status_ms", "must be from 100 to 3600000");
+        need(check_name(&zenoh.group).is_ok(), "zenoh.group", NAME);
+        need(zenoh.node.is_empty() || check_name(&zenoh.node).is_ok(), "zenoh.node", NAME);
+        let is_prefix = zenoh.prefix.split('/').all(|part| check_name(part).is_ok());
+        need(is_prefix && zenoh.prefix.len() <= 256, "zenoh.prefix", "must be names with slashes between");
         if !self.store.storage.is_empty()
             && let Some(problem) = address_problem(self.store.storage.expose())
         {

@@ -16,6 +16,7 @@ mod detections;
 mod estimates;
 mod jobs;
 mod poses;
+mod streams;
 mod things;
 
 use std::sync::Arc;
@@ -71,6 +72,8 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(evaluations::cases))
         .routes(routes!(things::list_targets))
         .routes(routes!(things::get_target, things::put_target, things::delete_target))
+        .routes(routes!(streams::list))
+        .routes(routes!(streams::get, streams::put, streams::delete))
 }
 
 /// Routes that take what comes in its own time.

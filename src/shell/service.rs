@@ -17,12 +17,13 @@ use serde_json::json;
 
 use super::config::Settings;
 use super::fault::Fault;
-use super::store::Store;
 use super::store::jobs::Job;
+use super::store::{Kind as Thing, Store, Stored};
 use super::wire::sighting::SequenceWire;
 use super::wire::{
-    AssessmentReply, AssessmentRequest, DetectionReply, EstimateReply, EvaluationRequest, FrameRequest, PoseReplies,
-    PoseReply, PoseRequest,
+    AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EstimateReply, EvaluationRequest, FrameRequest,
+    NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply, PoseRequest, StreamWire, Streams,
+    Targets, from_json, from_value,
 };
 use calibration::CalibrationKind;
 use compute::Terms;
@@ -98,6 +99,52 @@ impl Service {
         Lookup::new(Some(&self.store), self.known.clone())
     }
 
+    /// The stored cameras.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn cameras(&self) -> Result<Cameras, Fault> {
+        let named = |s: Stored| Ok(NamedCamera { camera: from_json(s.body.as_bytes())?, name: s.name });
+        let cameras: Result<_, Fault> = self.store.list(Thing::Camera).await?.into_iter().map(named).collect();
+        Ok(Cameras { cameras: cameras? })
+    }
+
+    /// The stored targets.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn targets(&self) -> Result<Targets, Fault> {
+        let target = |s: Stored| from_json(s.body.as_bytes());
+        let targets: Result<_, Fault> = self.store.list(Thing::Target).await?.into_iter().map(target).collect();
+        Ok(Targets { targets: targets? })
+    }
+
+    /// The stored streams.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn streams(&self) -> Result<Streams, Fault> {
+        let named = |s: Stored| Ok(NamedStream { stream: from_json(s.body.as_bytes())?, name: s.name });
+        let streams: Result<_, Fault> = self.store.list(Thing::Stream).await?.into_iter().map(named).collect();
+        Ok(Streams { streams: streams? })
+    }
+
+    /// What is looked for in the frames of a camera.
+    ///
+    /// # Errors
+    /// If nothing is stored for it, or the store cannot be read.
+    pub async fn stream(&self, camera: &str) -> Result<StreamWire, Fault> {
+        self.lookup().stream(camera).await
+    }
+
+    /// Whether a stream makes sense, and what it names is stored.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub async fn check_stream(&self, stream: &StreamWire) -> Result<(), Fault> {
+        compute::FrameTask::for_estimate(stream.clone().into(), &self.lookup()).await.map(|_| ())
+    }
+
     /// Points to pose.
     ///
     /// # Errors
@@ -106,6 +153,18 @@ impl Service {
         let terms = Terms::of(&self.settings);
         let task = compute::PoseTask::checked(request, &self.lookup(), &terms).await?;
         self.workers.run(deadline, move || task.reply(&terms)).await
+    }
+
+    /// Points to pose, one request or many as `{"requests": [...]}`.
+    ///
+    /// # Errors
+    /// As [`pose`](Self::pose) or [`poses`](Self::poses).
+    pub async fn points(&self, body: serde_json::Value, deadline: Instant) -> Result<OneOrManyReplies, Fault> {
+        if body.get("requests").is_some() {
+            let batch: PoseBatch = from_value(body)?;
+            return Ok(OneOrManyReplies::Many(self.poses(batch.requests, deadline).await?));
+        }
+        Ok(OneOrManyReplies::One(Box::new(self.pose(from_value(body)?, deadline).await?)))
     }
 
     /// Many requests at once; a request that fails harms no other.

@@ -1,4 +1,4 @@
-//! Cameras and targets by name, and jobs: in one SQLite file, or in PostgreSQL where several processes share them. What is asked is
+//! Cameras, targets and streams by name, and jobs: in one SQLite file, or in PostgreSQL where several processes share them. What is asked is
 //! written once, in `sql.rs`, and compiled for each; here is which of the two.
 
 pub mod files;
@@ -33,6 +33,8 @@ pub enum Kind {
     Camera,
     /// A constellation of markers.
     Target,
+    /// What is looked for in the frames that a camera sends.
+    Stream,
 }
 
 impl Kind {
@@ -42,6 +44,7 @@ impl Kind {
         match self {
             Self::Camera => "camera",
             Self::Target => "target",
+            Self::Stream => "stream",
         }
     }
 }

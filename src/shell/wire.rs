@@ -7,7 +7,9 @@ pub mod camera_file;
 pub mod detector;
 pub mod evaluation;
 pub mod frame;
+pub mod health;
 pub mod job;
+pub mod listing;
 pub mod pattern;
 pub mod pose;
 pub mod prior;
@@ -16,6 +18,8 @@ pub mod rate;
 pub mod recorded;
 pub mod reference;
 pub mod sighting;
+pub mod stream;
+pub mod swarm;
 pub mod target;
 
 use serde::de::DeserializeOwned;
@@ -29,13 +33,16 @@ pub use camera_file::{CameraFormat, read_camera, write_camera};
 pub use detector::DetectorWire;
 pub use evaluation::EvaluationRequest;
 pub use frame::FrameRequest;
+pub use health::Health;
 pub use job::{JobEventWire, JobWire};
+pub use listing::{Cameras, NamedCamera, NamedStream, Streams, Targets};
 pub use pattern::{PatternOrText, PatternWire};
-pub use pose::{PoseBatch, PoseReplies, PoseReply, PoseRequest, PoseWire};
+pub use pose::{OneOrManyReplies, PoseBatch, PoseReplies, PoseReply, PoseRequest, PoseWire};
 pub use prior::PriorWire;
 pub use problem::Problem;
 pub use reference::Ref;
 pub use sighting::{DetectionReply, EstimateReply};
+pub use stream::StreamWire;
 pub use target::{MarkerWire, TargetWire};
 
 /// Parses JSON; a fault names the place. What is no JSON is unreadable; JSON of the wrong shape is senseless.

@@ -25,6 +25,9 @@ pub struct Station {
     pub http: reqwest::Client,
     pub stopper: Stopper,
     pub serving: JoinHandle<std::io::Result<()>>,
+    /// The network, where the settings name one.
+    #[cfg(feature = "zenoh")]
+    pub bus: Option<skypose::shell::bus::Bus>,
     folder: TempDir,
 }
 
@@ -49,17 +52,33 @@ impl Station {
         settings.http.listen.set_port(0);
         settings.store.data = data.path().join("data");
         change(&mut settings);
-        let server = Server::bind(App::new(Service::start(settings).await.expect("starts"))).expect("binds");
+        let app = App::new(Service::start(settings).await.expect("starts"));
+        #[cfg(feature = "zenoh")]
+        let bus = skypose::shell::bus::Bus::open(app.service.clone()).await.expect("joins");
+        let server = Server::bind(app).expect("binds");
         let base = format!("http://{}", server.address().expect("bound"));
         let stopper = server.stopper();
         let serving = tokio::spawn(server.run());
         let http = reqwest::Client::builder().timeout(Duration::from_secs(30)).build().expect("a client");
-        Self { base, http, stopper, serving, folder: data }
+        Self {
+            base,
+            http,
+            stopper,
+            serving,
+            #[cfg(feature = "zenoh")]
+            bus,
+            folder: data,
+        }
     }
 
     /// With the demo's camera and target stored.
     pub async fn equipped() -> Self {
-        let station = Self::start().await;
+        Self::equipped_with(|_| {}).await
+    }
+
+    /// The same with other settings.
+    pub async fn equipped_with(change: impl FnOnce(&mut Settings)) -> Self {
+        let station = Self::with(change).await;
         let camera = station.put("/v1/cameras/demo", &json!(CameraWire::from(&demo_camera()))).await;
         let target = station.put("/v1/targets/wing-six", &json!(TargetWire::from(&wing().target))).await;
         assert_eq!((camera.status, target.status), (StatusCode::CREATED, StatusCode::CREATED));

@@ -1,10 +1,13 @@
 //! `skypose serve`.
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 
 use clap::Args;
 
 use super::{SettingsArgs, Stop};
+#[cfg(feature = "zenoh")]
+use crate::shell::bus::Bus;
 use crate::shell::config::Storage;
 use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
@@ -23,13 +26,39 @@ pub(super) struct Serve {
     /// Database that several servers share, as `postgres://user@host/database` [default: a file under the data folder].
     #[arg(long, value_name = "ADDRESS")]
     storage: Option<Storage>,
+    /// Name of this node on the network [default: the machine's].
+    #[arg(long, value_name = "NAME")]
+    node: Option<String>,
+    /// Join a Zenoh network: an endpoint as `tcp/127.0.0.1:7447` to listen on, or a Zenoh configuration file [default: none].
+    #[arg(long, value_name = "ENDPOINT|FILE")]
+    zenoh: Option<String>,
+}
+
+/// Built without Zenoh.
+#[cfg(not(feature = "zenoh"))]
+struct Bus;
+
+#[cfg(not(feature = "zenoh"))]
+impl Bus {
+    #[expect(clippy::unused_async, reason = "stands for what waits")]
+    async fn open(service: Arc<Service>) -> Result<Option<Self>, Fault> {
+        if service.settings().zenoh.network.is_empty() {
+            return Ok(None);
+        }
+        Err(Fault::new(FaultKind::Senseless, "zenoh.network: this program was built without Zenoh"))
+    }
+
+    #[expect(clippy::unused_async, reason = "stands for what waits")]
+    async fn closed(self) {}
 }
 
 impl Serve {
     pub(super) fn run(self) -> Result<(), Stop> {
         let listen = self.listen.map(|address| ("http.listen", address.to_string()));
         let storage = self.storage.map(|address| ("store.storage", address.expose().to_owned()));
-        let settings = self.settings.load(listen.into_iter().chain(storage).collect())?;
+        let node = self.node.map(|node| ("zenoh.node", node));
+        let network = self.zenoh.map(|network| ("zenoh.network", network));
+        let settings = self.settings.load(listen.into_iter().chain(storage).chain(node).chain(network).collect())?;
         telemetry::start_logging(&settings.log);
         telemetry::metrics();
         let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -42,10 +71,15 @@ impl Serve {
             // First the address: a service that cannot be reached must not begin with the jobs that are left.
             let listener = take(listen)
                 .map_err(|error| Fault::new(FaultKind::Internal, format!("cannot listen on {listen}: {error}")))?;
-            let server = Server::on(listener, App::new(Service::start(settings).await?));
+            let app = App::new(Service::start(settings).await?);
+            let bus = Bus::open(Arc::clone(&app.service)).await?;
+            let server = Server::on(listener, app);
             server.stopper().stop_on_signal()?;
             print_line(&format!("listening on http://{}", server.address()?))?;
             server.run().await?;
+            if let Some(bus) = bus {
+                bus.closed().await;
+            }
             tracing::info!("stopped");
             Ok(())
         })

@@ -31,6 +31,7 @@ use super::App;
         (name = "Calibrations", description = "Pictures of a board to a camera"),
         (name = "Evaluations", description = "Cases with known truth to figures of solvers"),
         (name = "Targets", description = "Stored targets"),
+        (name = "Streams", description = "What is looked for in the frames that cameras send over Zenoh"),
         (name = "Health", description = "State of the service"),
     )
 )]

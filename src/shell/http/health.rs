@@ -4,29 +4,16 @@ use std::sync::atomic::Ordering;
 
 use axum::Json;
 use axum::extract::State;
-use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::App;
 use super::error::ApiError;
 use crate::shell::fault::{Fault, FaultKind};
-use crate::shell::wire::Problem;
-
-/// State of the service.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Health {
-    /// `ok`.
-    pub status: &'static str,
-    /// Version of the program.
-    pub version: &'static str,
-}
-
-const OK: Health = Health { status: "ok", version: env!("CARGO_PKG_VERSION") };
+use crate::shell::wire::{Health, Problem};
 
 /// The process lives.
 #[utoipa::path(get, path = "/healthz", tag = "Health", responses((status = 200, description = "It lives", body = Health)))]
 pub async fn healthz() -> Json<Health> {
-    Json(OK)
+    Json(Health::OK)
 }
 
 /// The service takes requests.
@@ -47,7 +34,7 @@ pub async fn readyz(State(app): State<App>) -> Result<Json<Health>, ApiError> {
     if !app.service.is_ready().await {
         return Err(Fault::new(FaultKind::Unreachable, "the store cannot be read").into());
     }
-    Ok(Json(OK))
+    Ok(Json(Health::OK))
 }
 
 /// Metrics in the text format of Prometheus.

@@ -2,15 +2,13 @@
 
 use axum::Extension;
 use axum::extract::State;
-use axum::response::{IntoResponse, Response};
 use serde_json::Value;
 
 use super::App;
 use super::error::ApiError;
 use super::extract::Json;
 use super::layers::Deadline;
-use crate::shell::wire::pose::{PoseBatch, PoseReplies};
-use crate::shell::wire::{PoseReply, PoseRequest, Problem, from_value};
+use crate::shell::wire::{OneOrManyReplies, PoseReplies, PoseReply, PoseRequest, Problem};
 
 /// Points to pose, one request or many.
 #[utoipa::path(
@@ -32,13 +30,8 @@ pub async fn post(
     State(app): State<App>,
     Extension(Deadline(deadline)): Extension<Deadline>,
     Json(body): Json<Value>,
-) -> Result<Response, ApiError> {
-    if body.get("requests").is_some() {
-        let batch: PoseBatch = from_value(body)?;
-        return Ok(axum::Json(app.service.poses(batch.requests, deadline).await?).into_response());
-    }
-    let request: PoseRequest = from_value(body)?;
-    Ok(axum::Json(app.service.pose(request, deadline).await?).into_response())
+) -> Result<axum::Json<OneOrManyReplies>, ApiError> {
+    Ok(axum::Json(app.service.points(body, deadline).await?))
 }
 
 /// The body, for the document.

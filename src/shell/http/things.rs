@@ -14,26 +14,10 @@ use super::extract::{CameraBody, Json, Name};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store::{Kind, Put, Stored};
 use crate::shell::wire::{
-    CameraFormat, CameraPut, CameraWire, DerivedCameraWire, Problem, TargetWire, from_json, write_camera,
+    CameraFormat, CameraPut, CameraWire, Cameras, DerivedCameraWire, Problem, TargetWire, Targets, from_json,
+    write_camera,
 };
 use crate::target::Target;
-
-/// A stored camera.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct NamedCamera {
-    /// Its name.
-    pub name: String,
-    /// The camera.
-    #[serde(flatten)]
-    pub camera: CameraWire,
-}
-
-/// The stored cameras.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Cameras {
-    /// By name.
-    pub cameras: Vec<NamedCamera>,
-}
 
 /// A camera, or what it is derived from.
 #[derive(ToSchema)]
@@ -46,28 +30,16 @@ pub enum CameraOrDerived {
     Derived(DerivedCameraWire),
 }
 
-/// The stored targets.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Targets {
-    /// By name.
-    pub targets: Vec<TargetWire>,
-}
-
 /// Lists the stored cameras.
 #[utoipa::path(get, path = "/v1/cameras", tag = "Cameras", responses((status = 200, description = "All cameras, by name", body = Cameras)))]
 pub async fn list_cameras(State(app): State<App>) -> Result<axum::Json<Cameras>, ApiError> {
-    let stored = app.service.store().list(Kind::Camera).await?;
-    let cameras: Result<Vec<NamedCamera>, Fault> =
-        stored.into_iter().map(|s| Ok(NamedCamera { camera: content(&s)?, name: s.name })).collect();
-    Ok(axum::Json(Cameras { cameras: cameras? }))
+    Ok(axum::Json(app.service.cameras().await?))
 }
 
 /// Lists the stored targets.
 #[utoipa::path(get, path = "/v1/targets", tag = "Targets", responses((status = 200, description = "All targets, by name", body = Targets)))]
 pub async fn list_targets(State(app): State<App>) -> Result<axum::Json<Targets>, ApiError> {
-    let stored = app.service.store().list(Kind::Target).await?;
-    let targets: Result<Vec<TargetWire>, Fault> = stored.iter().map(content).collect();
-    Ok(axum::Json(Targets { targets: targets? }))
+    Ok(axum::Json(app.service.targets().await?))
 }
 
 /// Returns a stored camera.
@@ -274,7 +246,7 @@ fn none_of_that_name(kind: Kind, name: &str) -> ApiError {
     Fault::new(FaultKind::NotFound, format!("no stored {} {name:?}", kind.name())).into()
 }
 
-async fn get<T: DeserializeOwned + Serialize>(
+pub(super) async fn get<T: DeserializeOwned + Serialize>(
     app: &App,
     kind: Kind,
     name: &str,
@@ -288,7 +260,7 @@ async fn get<T: DeserializeOwned + Serialize>(
     Ok((tag, axum::Json(content::<T>(&stored)?)).into_response())
 }
 
-async fn put<T: Serialize>(
+pub(super) async fn put<T: Serialize>(
     app: &App,
     kind: Kind,
     name: &str,
@@ -304,7 +276,7 @@ async fn put<T: Serialize>(
     Ok((status, [(header::ETAG, stored.etag)], axum::Json(thing)).into_response())
 }
 
-async fn delete(app: &App, kind: Kind, name: &str, headers: &HeaderMap) -> Result<StatusCode, ApiError> {
+pub(super) async fn delete(app: &App, kind: Kind, name: &str, headers: &HeaderMap) -> Result<StatusCode, ApiError> {
     if app.service.store().delete(kind, name, &precondition(headers)?).await? {
         Ok(StatusCode::NO_CONTENT)
     } else {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::camera::Camera;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store::{Kind, Store};
-use crate::shell::wire::{CameraWire, Ref, TargetWire, from_json};
+use crate::shell::wire::{CameraWire, Ref, StreamWire, TargetWire, from_json};
 use crate::target::Target;
 
 /// A named thing is read anew after this time, should another process have changed the file.
@@ -22,6 +22,7 @@ const MOST_KNOWN: usize = 1024;
 pub struct Known {
     cameras: Mutex<HashMap<String, Entry<Camera>>>,
     targets: Mutex<HashMap<String, Entry<Target>>>,
+    streams: Mutex<HashMap<String, Entry<StreamWire>>>,
 }
 
 #[derive(Debug)]
@@ -67,6 +68,15 @@ impl<'a> Lookup<'a> {
             Ref::Object(wire) => parse(wire),
             Ref::Name(name) => self.named(Kind::Target, name, &self.known.targets, parse).await,
         }
+    }
+
+    /// What is looked for in the frames of a camera.
+    ///
+    /// # Errors
+    /// Nothing stored for it.
+    pub async fn stream(&self, camera: &str) -> Result<StreamWire, Fault> {
+        let parse = |wire: &StreamWire| Ok(wire.clone());
+        self.named(Kind::Stream, camera, &self.known.streams, parse).await
     }
 
     async fn named<W: serde::de::DeserializeOwned, T: Clone>(

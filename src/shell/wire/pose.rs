@@ -332,6 +332,16 @@ pub struct PoseBatch {
     pub requests: Vec<Value>,
 }
 
+/// The reply to one request or to many.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum OneOrManyReplies {
+    /// To one.
+    One(Box<PoseReply>),
+    /// To many.
+    Many(PoseReplies),
+}
+
 /// Replies in the order of the requests.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
 pub struct PoseReplies {

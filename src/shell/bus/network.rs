@@ -1,0 +1,105 @@
+//! Joining a network: an endpoint, or a whole configuration of Zenoh.
+
+use std::path::Path;
+
+use zenoh::Session;
+use zenoh::config::{Config, EndPoint};
+
+use crate::shell::fault::{Fault, FaultKind};
+
+/// Protocols of endpoints; a text that begins otherwise is a path.
+const PROTOCOLS: [&str; 6] = ["tcp", "udp", "tls", "quic", "unixsock-stream", "serial"];
+
+/// How an endpoint is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// To listen there, as a peer.
+    Listen,
+    /// To connect there, as a client.
+    Connect,
+}
+
+/// Joins the network.
+///
+/// # Errors
+/// A file that is no configuration; an endpoint that is none, is taken or does not answer.
+pub async fn join(network: &str, role: Role, shared_memory: bool) -> Result<Session, Fault> {
+    let config = config(network, role, shared_memory)?;
+    zenoh::open(config).await.map_err(|error| {
+        let kind = if role == Role::Listen { FaultKind::Internal } else { FaultKind::Unreachable };
+        Fault::new(kind, format!("Zenoh at {network}: {error}"))
+    })
+}
+
+fn config(network: &str, role: Role, shared_memory: bool) -> Result<Config, Fault> {
+    let senseless =
+        |error: &dyn std::fmt::Display| Fault::new(FaultKind::Senseless, format!("Zenoh at {network:?}: {error}"));
+    if !is_endpoint(network) {
+        if !Path::new(network).is_file() {
+            let what = "neither an endpoint as tcp/127.0.0.1:7447 nor a configuration file that there is";
+            return Err(senseless(&what));
+        }
+        return Config::from_file(network).map_err(|error| senseless(&error));
+    }
+    let endpoint: EndPoint = network.parse().map_err(|error| senseless(&error))?;
+    let list = serde_json::json!([endpoint.to_string()]).to_string();
+    let (mode, place) = match role {
+        Role::Listen => ("\"peer\"", "listen/endpoints"),
+        Role::Connect => ("\"client\"", "connect/endpoints"),
+    };
+    let mut config = Config::default();
+    // Who gives one endpoint means that one, and nobody whom a multicast finds.
+    for (key, value) in [
+        ("mode", mode),
+        (place, list.as_str()),
+        ("scouting/multicast/enabled", "false"),
+        ("transport/shared_memory/enabled", if shared_memory { "true" } else { "false" }),
+    ] {
+        config.insert_json5(key, value).map_err(|error| senseless(&error))?;
+    }
+    Ok(config)
+}
+
+fn is_endpoint(network: &str) -> bool {
+    network.split_once('/').is_some_and(|(protocol, _)| PROTOCOLS.contains(&protocol))
+}
+
+/// The machine's name as a node's, as far as it can be one.
+#[must_use]
+pub fn machine_name() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let is_good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+    let name: String = name.trim().chars().map(|c| if is_good(c) { c } else { '-' }).collect();
+    let name: String = name.trim_start_matches(|c: char| !c.is_ascii_alphanumeric()).chars().take(64).collect();
+    if name.is_empty() { "node".into() } else { name }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shell::store::check_name;
+
+    #[test]
+    fn an_endpoint_is_no_path() {
+        for endpoint in ["tcp/127.0.0.1:7447", "tls/host:1", "udp/[::1]:7447"] {
+            assert!(is_endpoint(endpoint), "{endpoint}");
+        }
+        for path in ["./tcp/here", "/etc/zenoh.json5", "zenoh.json5", "tcp", ""] {
+            assert!(!is_endpoint(path), "{path}");
+        }
+    }
+
+    #[test]
+    fn what_is_neither_is_told() {
+        for wrong in ["nowhere.json5", "tcp/"] {
+            let fault = config(wrong, Role::Listen, true).expect_err(wrong);
+            assert_eq!(fault.kind, FaultKind::Senseless, "{fault}");
+        }
+        assert!(config("tcp/127.0.0.1:0", Role::Connect, false).is_ok());
+    }
+
+    #[test]
+    fn the_machine_has_a_name() {
+        assert!(check_name(&machine_name()).is_ok());
+    }
+}

@@ -1,0 +1,345 @@
+//! The Zenoh door, with clients of Zenoh on the other side.
+
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    dead_code,
+    reason = "a test says what it takes for granted, and shows its figures; not every test uses all of the station"
+)]
+
+#[path = "http/station.rs"]
+mod station;
+
+use std::net::TcpListener;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use serde_json::{Value, json};
+use skypose::shell::bus::network::{Role, join};
+use skypose::shell::config::Settings;
+use station::{Station, assert_true_pose, jpeg, read};
+use zenoh::Session;
+use zenoh::bytes::{Encoding, ZBytes};
+use zenoh::handlers::FifoChannelHandler;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::{Sample, SampleKind};
+
+const BASE: &str = "skypose/v1/default/alpha";
+/// Longer than anything here takes.
+const SOON: Duration = Duration::from_secs(20);
+
+type Listener = Subscriber<FifoChannelHandler<Sample>>;
+
+fn free_endpoint() -> String {
+    let socket = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    format!("tcp/{}", socket.local_addr().expect("bound"))
+}
+
+fn now_us() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970");
+    i64::try_from(since.as_micros()).expect("this century")
+}
+
+/// A station on the network with the stream `front`, and a client.
+struct Swarm {
+    station: Station,
+    endpoint: String,
+    client: Session,
+}
+
+impl Swarm {
+    async fn start(change: impl FnOnce(&mut Settings)) -> Self {
+        let endpoint = free_endpoint();
+        let station = Station::equipped_with(|settings| {
+            settings.zenoh.network = endpoint.clone();
+            settings.zenoh.node = "alpha".into();
+            settings.zenoh.max_age_ms = 20_000;
+            change(settings);
+        })
+        .await;
+        let stream = json!({"camera": "demo", "targets": ["wing-six"]});
+        let stored = station.put("/v1/streams/front", &stream).await;
+        assert_eq!(stored.status, 201, "{stored:?}");
+        let client = join(&endpoint, Role::Connect, true).await.expect("connects");
+        let swarm = Self { station, endpoint, client };
+        swarm.until(|status| status["has_stream"] == true).await;
+        swarm
+    }
+
+    async fn listen(&self, topic: &str) -> Listener {
+        self.client.declare_subscriber(format!("{BASE}/camera/front/{topic}")).await.expect("listens")
+    }
+
+    /// The first status that is so.
+    async fn until(&self, is_so: impl Fn(&Value) -> bool) -> Value {
+        let statuses = self.listen("status").await;
+        let start = Instant::now();
+        let mut last = Value::Null;
+        while start.elapsed() < SOON {
+            let Ok(Ok(sample)) = tokio::time::timeout(SOON, statuses.recv_async()).await else { break };
+            last = json_of(sample.payload());
+            if is_so(&last) {
+                return last;
+            }
+        }
+        panic!("the last status was {last}");
+    }
+
+    async fn send(&self, frame: impl Into<ZBytes>, encoding: Encoding, note: &Value) {
+        self.client
+            .put(format!("{BASE}/camera/front/frame"), frame)
+            .encoding(encoding)
+            .attachment(note.to_string())
+            .congestion_control(zenoh::qos::CongestionControl::Block)
+            .await
+            .expect("sends");
+    }
+
+    async fn ask(&self, call: &str, payload: impl Into<ZBytes>, note: Option<&Value>) -> Result<Vec<u8>, Value> {
+        let mut query = self.client.get(format!("{BASE}/rpc/{call}")).payload(payload).timeout(SOON);
+        if let Some(note) = note {
+            query = query.attachment(note.to_string());
+        }
+        let replies = query.await.expect("asks");
+        let reply = replies.recv_async().await.expect("a reply");
+        match reply.into_result() {
+            Ok(sample) => {
+                assert_eq!(sample.encoding(), &Encoding::APPLICATION_JSON);
+                Ok(sample.payload().to_bytes().into_owned())
+            }
+            Err(error) => {
+                assert_eq!(error.encoding().to_string(), "application/problem+json");
+                Err(json_of(error.payload()))
+            }
+        }
+    }
+}
+
+fn json_of(payload: &ZBytes) -> Value {
+    serde_json::from_slice(&payload.to_bytes()).expect("JSON")
+}
+
+async fn next(listener: &Listener) -> Sample {
+    tokio::time::timeout(SOON, listener.recv_async()).await.expect("in time").expect("a sample")
+}
+
+/// Text without the value of its last member, `timing_us`, which differs by nature.
+fn without_timing(text: &[u8]) -> &[u8] {
+    let word = b"\"timing_us\":";
+    let at = text.windows(word.len()).position(|window| window == word).expect("it tells its times");
+    let value: Value = serde_json::from_slice(&text[at + word.len()..text.len() - 1]).expect("an object at the end");
+    assert!(value["total"].as_u64().is_some_and(|total| total > 0), "{value}");
+    &text[..at]
+}
+
+/// The same frames over both doors.
+fn corpus() -> Vec<Vec<u8>> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/frames");
+    let mut frames = vec![jpeg()];
+    for name in ["easy_00", "easy_01", "clutter_00", "light_00", "negatives_00", "occlusion_00", "range_00"] {
+        frames.push(std::fs::read(format!("{folder}/{name}.jpg")).expect("a frame"));
+    }
+    frames
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn estimates_are_those_of_http_byte_for_byte_but_for_the_times() {
+    let swarm = Swarm::start(|_| {}).await;
+    let estimates = swarm.listen("estimate").await;
+    let (mut equal, mut posed) = (0, 0);
+    for (sequence, frame) in corpus().into_iter().enumerate() {
+        let taken = now_us();
+        let path = format!("/v1/estimates?camera=demo&target=wing-six&timestamp_us={taken}");
+        let request = swarm.station.request(reqwest::Method::POST, &path).header("content-type", "image/jpeg");
+        let reply = request.body(frame.clone()).send().await.expect("an answer");
+        let (status, by_http) = (reply.status(), reply.bytes().await.expect("a whole answer"));
+        let note = json!({"sequence": sequence, "timestamp_us": taken});
+        swarm.send(frame.clone(), Encoding::IMAGE_JPEG, &note).await;
+        if !status.is_success() {
+            // Not of the demo's camera: refused by both, with one problem.
+            let problem: Value = serde_json::from_slice(&by_http).expect("a problem");
+            swarm.until(|status| status["problem"] == problem).await;
+            continue;
+        }
+        let estimate = next(&estimates).await;
+        let bytes = estimate.payload().to_bytes().into_owned();
+        assert_eq!(String::from_utf8_lossy(without_timing(&bytes)), String::from_utf8_lossy(without_timing(&by_http)));
+        equal += 1;
+        posed += usize::from(!json_of(estimate.payload())["targets"][0]["pose"].is_null());
+        let note = json_of(estimate.attachment().expect("an attachment"));
+        assert_eq!((&note["sequence"], &note["timestamp_us"]), (&json!(sequence), &json!(taken)));
+        let ledger = &note["latency_us"];
+        let stages = ["receive", "decode", "detect", "identify", "solve", "publish"];
+        let sum: u64 = stages.iter().map(|stage| ledger[stage].as_u64().expect(stage)).sum();
+        let total = ledger["total"].as_u64().expect("a total");
+        // Each is cut to whole microseconds, and between the stages is what no stage counts.
+        assert!(sum <= total && total - sum < 5_000, "{ledger}");
+        // By query too.
+        let request = json!({"camera": "demo", "targets": ["wing-six"], "timestamp_us": taken});
+        let by_query = swarm.ask("estimates", frame, Some(&request)).await.expect("an estimate");
+        assert_eq!(without_timing(&by_query), without_timing(&by_http));
+    }
+    println!("{equal} frames equal over both doors, {posed} of them with a pose");
+    assert!(equal >= 1 && posed >= 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn queries_answer_as_http_does() {
+    let swarm = Swarm::start(|_| {}).await;
+    let request = json!({
+        "id": 7, "camera": "demo",
+        "object_points_m": [[-0.2, -0.2, 0], [0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]],
+        "image_points_px": [[596.3, 285.7], [734.3, 273.4], [734.3, 446.6], [596.3, 434.3]]
+    });
+    let mut by_query: Value =
+        serde_json::from_slice(&swarm.ask("poses", request.to_string(), None).await.expect("a pose")).expect("JSON");
+    let mut by_http = swarm.station.post("/v1/poses", &request).await.json;
+    for reply in [&mut by_query, &mut by_http] {
+        assert!(reply["elapsed_us"].take().is_number());
+    }
+    assert!(by_http["pose"].is_object());
+    assert_eq!(by_query, by_http);
+    for (call, path) in [("cameras", "/v1/cameras"), ("targets", "/v1/targets"), ("health", "/readyz")] {
+        let reply = swarm.ask(call, "", None).await.expect(call);
+        assert_eq!(serde_json::from_slice::<Value>(&reply).expect("JSON"), swarm.station.get(path).await.json);
+    }
+    let detection = swarm.ask("detections", jpeg(), None).await.expect("centroids");
+    let detection: Value = serde_json::from_slice(&detection).expect("JSON");
+    assert!(detection["centroids"].as_array().is_some_and(|found| found.len() >= 6));
+    // Faults are the same too.
+    for (payload, status) in [("", 400), ("{", 400), ("{\"camera\": \"nobody\"}", 422), ("[1]", 422)] {
+        let problem = swarm.ask("poses", payload, None).await.expect_err(payload);
+        let request = swarm.station.request(reqwest::Method::POST, "/v1/poses");
+        let by_http = read(request.header("content-type", "application/json").body(payload)).await;
+        assert_eq!(problem, by_http.json, "{payload}");
+        assert_eq!(problem["status"], status, "{payload}");
+    }
+    let problem = swarm.ask("estimates", "no frame", Some(&json!({"camera": "demo", "targets": ["wing-six"]}))).await;
+    assert_eq!(problem.expect_err("no frame")["status"], 415);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn of_a_flood_the_newest_wins_and_the_rest_is_counted() {
+    let swarm = Swarm::start(|settings| settings.workers.threads = 1).await;
+    let estimates = swarm.listen("estimate").await;
+    let frame = jpeg();
+    const SENT: u64 = 200;
+    for sequence in 0..SENT {
+        // Every tenth is lost on its way.
+        if sequence % 10 != 5 {
+            let note = json!({"sequence": sequence, "timestamp_us": now_us()});
+            swarm.send(frame.clone(), Encoding::IMAGE_JPEG, &note).await;
+        }
+    }
+    let status = swarm
+        .until(|status| {
+            let sum: u64 = ["published", "replaced"].iter().map(|word| status[word].as_u64().expect(word)).sum();
+            status["received"] == SENT * 9 / 10 && sum == SENT * 9 / 10
+        })
+        .await;
+    println!("{status}");
+    assert_eq!(status["lost"], SENT / 10);
+    assert_eq!((&status["restarts"], &status["refused"], &status["failed"]), (&json!(0), &json!(0), &json!(0)));
+    assert!(status["replaced"].as_u64() > Some(0), "a flood is faster than one worker");
+    let mut last = None;
+    for _ in 0..status["published"].as_u64().expect("a number") {
+        let note = json_of(next(&estimates).await.attachment().expect("an attachment"));
+        let sequence = note["sequence"].as_u64();
+        assert!(sequence > last, "in their order");
+        last = sequence;
+    }
+    assert_eq!(last, Some(SENT - 1), "the newest has been answered");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_too_old_is_not_answered() {
+    let swarm = Swarm::start(|settings| settings.zenoh.max_age_ms = 2000).await;
+    let estimates = swarm.listen("estimate").await;
+    swarm.send(jpeg(), Encoding::IMAGE_JPEG, &json!({"sequence": 1, "timestamp_us": now_us() - 2_500_000})).await;
+    let status = swarm.until(|status| status["too_old"] == 1).await;
+    assert_eq!((&status["received"], &status["published"]), (&json!(1), &json!(0)));
+    swarm.send(jpeg(), Encoding::IMAGE_JPEG, &json!({"sequence": 2, "timestamp_us": now_us()})).await;
+    let estimate = next(&estimates).await;
+    assert_true_pose(&json_of(estimate.payload())["targets"][0]["pose"]);
+    assert_eq!(json_of(estimate.attachment().expect("an attachment"))["sequence"], 2);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn raw_frames_say_their_size() {
+    let swarm = Swarm::start(|_| {}).await;
+    let estimates = swarm.listen("estimate").await;
+    let frame = station::frame();
+    let note = json!({"width": frame.width(), "height": frame.height(), "format": "rgb8"});
+    swarm.send(frame.rgb().into_owned(), Encoding::APPLICATION_OCTET_STREAM, &note).await;
+    assert_true_pose(&json_of(next(&estimates).await.payload())["targets"][0]["pose"]);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn bad_payloads_harm_nothing() {
+    let swarm = Swarm::start(|settings| settings.http.max_frame_bytes = 4 << 20).await;
+    let estimates = swarm.listen("estimate").await;
+    let front = format!("{BASE}/camera/front/frame");
+    let good = jpeg();
+    let mut refused = 0;
+    for (payload, encoding, note) in [
+        (Vec::new(), "image/jpeg", "{}"),
+        (b"no frame at all".to_vec(), "image/jpeg", "{}"),
+        (good[..good.len() / 3].to_vec(), "image/png", "{}"),
+        (good.clone(), "text/plain", "{}"),
+        (good.clone(), "image/jpeg", "{"),
+        (good.clone(), "image/jpeg", "[]"),
+        (good.clone(), "image/jpeg", "{\"sequence\": -1}"),
+        (good.clone(), "image/jpeg", "\u{0}\u{1}"),
+        (
+            good.clone(),
+            "application/octet-stream",
+            "{\"width\": 4294967295, \"height\": 4294967295, \"format\": \"rgb8\"}",
+        ),
+        (good.clone(), "application/octet-stream", "{\"width\": 640}"),
+        (vec![0; 5 << 20], "image/jpeg", "{}"),
+        (good.clone(), "image/jpeg", &format!("{{\"x\": \"{}\"}}", "x".repeat(5000))),
+    ] {
+        swarm.client.put(&front, payload).encoding(encoding).attachment(note).await.expect("sends");
+        refused += 1;
+        let status = swarm.until(|status| status["refused"] == refused).await;
+        assert!(status["problem"]["status"].as_u64().is_some_and(|status| status < 500), "{encoding} {note}: {status}");
+    }
+    // Keys that are none of ours, a camera that nobody has stored, a deletion.
+    for key in ["camera/@front/frame", "camera/front/estimate/frame", "camera/fr*nt/x", "camera/frönt/frame"] {
+        let _ = swarm.client.put(format!("{BASE}/{key}"), good.clone()).await;
+    }
+    swarm.client.delete(&front).await.expect("deletes");
+    swarm.client.put(format!("{BASE}/camera/unknown/frame"), good.clone()).await.expect("sends");
+    swarm.send(good, Encoding::IMAGE_JPEG, &json!({"sequence": 9})).await;
+    assert_true_pose(&json_of(next(&estimates).await.payload())["targets"][0]["pose"]);
+    swarm.until(|status| status["published"] == 1 && status.get("problem").is_none()).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_is_there_is_told() {
+    let swarm = Swarm::start(|_| {}).await;
+    let told = swarm
+        .client
+        .liveliness()
+        .declare_subscriber("skypose/v1/@alive/default/**")
+        .history(true)
+        .await
+        .expect("listens");
+    let change = async || {
+        let sample = tokio::time::timeout(SOON, told.recv_async()).await.expect("in time").expect("a token");
+        (sample.kind(), sample.key_expr().as_str()["skypose/v1/@alive/default/".len()..].to_owned())
+    };
+    let mut there = vec![change().await, change().await];
+    there.sort_by(|a, b| a.1.cmp(&b.1));
+    assert_eq!(there, [(SampleKind::Put, "alpha".into()), (SampleKind::Put, "alpha/front".into())]);
+    swarm.station.put("/v1/streams/aft", &json!({"camera": "demo", "targets": ["wing-six"]})).await;
+    assert_eq!(change().await, (SampleKind::Put, "alpha/aft".into()));
+    read(swarm.station.request(reqwest::Method::DELETE, "/v1/streams/front")).await;
+    assert_eq!(change().await, (SampleKind::Delete, "alpha/front".into()));
+    swarm.station.stopper.stop();
+    let mut gone = vec![change().await, change().await];
+    gone.sort_by(|a, b| a.1.cmp(&b.1));
+    assert_eq!(gone, [(SampleKind::Delete, "alpha".into()), (SampleKind::Delete, "alpha/aft".into())]);
+    swarm.station.bus.expect("on the network").closed().await;
+    swarm.station.serving.await.expect("no panic").expect("stops");
+}
