@@ -11,7 +11,10 @@
 #[path = "http/station.rs"]
 mod station;
 
+use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
@@ -342,4 +345,126 @@ async fn who_is_there_is_told() {
     assert_eq!(gone, [(SampleKind::Delete, "alpha".into()), (SampleKind::Delete, "alpha/aft".into())]);
     swarm.station.bus.expect("on the network").closed().await;
     swarm.station.serving.await.expect("no panic").expect("stops");
+}
+
+/// Python with `eclipse-zenoh`, or nothing where there is none and nobody requires it (`ZENOH_TESTS=required`).
+fn python() -> Option<PathBuf> {
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let own = target.join("swarm/bin/python3");
+    let candidates = [std::env::var_os("ZENOH_PYTHON").map(PathBuf::from), Some(own), Some("python3".into())];
+    let has_zenoh = |python: &PathBuf| {
+        let import = Command::new(python).args(["-c", "import zenoh"]).stderr(Stdio::null()).status();
+        import.is_ok_and(|status| status.success())
+    };
+    let found = candidates.into_iter().flatten().find(has_zenoh);
+    assert!(
+        found.is_some() || std::env::var_os("ZENOH_TESTS").is_none_or(|value| value != "required"),
+        "no Python has eclipse-zenoh: python3 -m venv {0}/swarm && {0}/swarm/bin/pip install eclipse-zenoh",
+        target.display()
+    );
+    if found.is_none() {
+        println!("left out: no Python has eclipse-zenoh");
+    }
+    found
+}
+
+/// A process of `tests/clients/swarm.py`, killed when dropped.
+struct Peer(Child, BufReader<ChildStdout>);
+
+impl Peer {
+    fn start(python: &Path, arguments: &[&str]) -> Self {
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clients/swarm.py");
+        let mut child =
+            Command::new(python).arg(script).args(arguments).stdout(Stdio::piped()).spawn().expect("a process");
+        let output = BufReader::new(child.stdout.take().expect("piped"));
+        Self(child, output)
+    }
+
+    /// Its next line.
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.1.read_line(&mut line).expect("a line");
+        line.trim().to_owned()
+    }
+
+    fn kill(mut self) {
+        self.0.kill().expect("kills");
+        self.0.wait().expect("ends");
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn router(python: &Path, endpoint: &str) -> Peer {
+    let mut router = Peer::start(python, &["router", endpoint]);
+    assert_eq!(router.line(), "ready");
+    router
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_python_client_flies_through_a_router_that_is_killed_on_the_way() {
+    let Some(python) = python() else { return };
+    let endpoint = free_endpoint();
+    let first = router(&python, &endpoint);
+    let folder = tempfile::tempdir().expect("a folder");
+    let network = folder.path().join("zenoh.json5");
+    let text = format!(
+        "{{mode: 'client', connect: {{endpoints: ['{endpoint}'], timeout_ms: -1, exit_on_failure: false,
+            retry: {{period_init_ms: 200, period_max_ms: 500, period_increase_factor: 2}}}},
+            scouting: {{multicast: {{enabled: false}}}}}}"
+    );
+    std::fs::write(&network, text).expect("writes");
+    let station = Station::equipped_with(|settings| {
+        settings.zenoh.network = network.display().to_string();
+        settings.zenoh.node = "alpha".into();
+        settings.zenoh.max_age_ms = 5000;
+    })
+    .await;
+    let stream = json!({"camera": "demo", "targets": ["wing-six"]});
+    assert_eq!(station.put("/v1/streams/front", &stream).await.status, 201);
+    let frame = folder.path().join("frame.jpg");
+    std::fs::write(&frame, jpeg()).expect("writes");
+    let sent: u64 = 300;
+    let mut flight = Peer::start(
+        &python,
+        &["fly", &endpoint, "alpha", "front", &sent.to_string(), "20", &frame.display().to_string()],
+    );
+    assert_eq!(flight.line(), "flying");
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    first.kill();
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let second = router(&python, &endpoint);
+    let report: Value = serde_json::from_str(&flight.line()).expect("a report");
+    let status = &report["status"];
+    println!("{status}");
+    let estimates = report["estimates"].as_array().expect("estimates");
+    let sequences: Vec<u64> = estimates.iter().map(|note| note["sequence"].as_u64().expect("a number")).collect();
+    assert!(sequences.iter().any(|sequence| *sequence < 60), "before: {sequences:?}");
+    assert_eq!(sequences.last(), Some(&(sent - 1)), "after: {sequences:?}");
+    assert!(sequences.is_sorted_by(|a, b| a < b), "{sequences:?}");
+    let number = |word: &str| status[word].as_u64().expect(word);
+    // Every frame is accounted for, those that the network lost too.
+    assert!(number("lost") > 0, "the router was away");
+    assert_eq!(number("received") + number("lost"), sent, "{status}");
+    let ours: u64 = ["published", "replaced", "too_old", "late", "refused", "failed"].map(number).iter().sum();
+    assert_eq!(ours, number("received"), "{status}");
+    assert_eq!(number("refused") + number("failed") + number("restarts"), 0, "{status}");
+    for note in estimates {
+        assert_eq!(note["encoding"], "application/json");
+        let range = note["range_m"][0].as_f64().expect("a range");
+        assert!((range - station::truth().translation.norm()).abs() < 0.05, "{range}");
+    }
+    // And queries go on.
+    let mut asked = Peer::start(&python, &["ask", &endpoint, "alpha", "health", ""]);
+    let reply: Value = serde_json::from_str(&asked.line()).expect("a reply");
+    assert_eq!(reply["ok"]["status"], "ok", "{reply}");
+    let mut asked = Peer::start(&python, &["ask", &endpoint, "alpha", "poses", "{}"]);
+    let reply: Value = serde_json::from_str(&asked.line()).expect("a reply");
+    assert_eq!(reply["error"]["status"], 422, "{reply}");
+    second.kill();
 }

@@ -3,6 +3,7 @@
 //! Zenoh's threads only put what comes into its place; everything is computed on the service's workers. Nothing here waits for a
 //! reader: what cannot be sent at once is dropped, as the next estimate is worth more.
 
+pub mod asyncapi;
 mod camera;
 pub mod keys;
 pub mod network;

@@ -9,6 +9,8 @@ mod frames;
 mod grab;
 mod inputs;
 mod moving;
+#[cfg(feature = "zenoh")]
+mod network;
 mod pattern;
 mod pictures;
 mod points;
@@ -16,6 +18,8 @@ mod replay;
 
 mod requests;
 mod serve;
+#[cfg(feature = "zenoh")]
+mod watch;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -55,6 +59,10 @@ enum Command {
     /// Play a video, a stream or pictures against a running server, at their own pace: one JSON reply a line.
     #[command(after_help = replay::EXAMPLES)]
     Replay(replay::Replay),
+    /// Print the estimates of a Zenoh network as they come.
+    #[cfg(feature = "zenoh")]
+    #[command(after_help = watch::EXAMPLES)]
+    Watch(watch::Watch),
     /// Compute poses from points: JSON requests on standard input, one JSON reply a line.
     #[command(after_help = POSE_EXAMPLE)]
     Pose(points::Pose),
@@ -74,6 +82,9 @@ enum Command {
     Pattern(pattern::PatternSheet),
     /// Print the API document (OpenAPI, JSON).
     Openapi,
+    /// Print the document of the Zenoh side (AsyncAPI, YAML).
+    #[cfg(feature = "zenoh")]
+    Asyncapi,
     /// Fly a target past a camera and watch it being measured, over real HTTP.
     Demo(demo::Demo),
 }
@@ -145,6 +156,8 @@ pub fn run() -> ExitCode {
         Command::Estimate(command) => command.run(),
         Command::Grab(command) => command.run(),
         Command::Replay(command) => command.run(),
+        #[cfg(feature = "zenoh")]
+        Command::Watch(command) => command.run(),
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
         Command::Calibrate(command) => command.run(),
@@ -152,6 +165,10 @@ pub fn run() -> ExitCode {
         Command::Camera(command) => command.run(),
         Command::Pattern(command) => command.run(),
         Command::Openapi => print_openapi(),
+        #[cfg(feature = "zenoh")]
+        Command::Asyncapi => {
+            super::console::print_line(super::bus::asyncapi::document().trim_end()).map_err(Stop::from)
+        }
         Command::Demo(command) => command.run(),
     };
     match result {

@@ -142,3 +142,35 @@ async fn a_camera_is_derived_from_a_stored_one_and_keeps_its_origin() {
     let beyond = json!({"derived_from": "front", "crop_px": [400, 50, 320, 240]});
     assert_eq!(station.put("/v1/cameras/x", &beyond).await.assert_problem(422).pointer(), "/crop_px");
 }
+
+#[tokio::test]
+async fn a_stream_names_what_is_stored() {
+    let station = Station::equipped().await;
+    let stream =
+        json!({"camera": "demo", "targets": ["wing-six"], "detector": {"method": "beacon"}, "solver": "sqpnp"});
+    let created = station.put("/v1/streams/front", &stream).await;
+    assert_eq!(created.status, StatusCode::CREATED, "{created:?}");
+    let kept = station.get("/v1/streams/front").await;
+    for word in ["camera", "targets", "detector", "solver"] {
+        assert_eq!(kept.json[word], stream[word], "{word}");
+    }
+    assert_eq!(station.put("/v1/streams/front", &kept.json).await.headers["etag"], created.headers["etag"]);
+    assert_eq!(station.get("/v1/streams").await.json["streams"][0]["name"], "front");
+    let only_new = station.request(Method::PUT, "/v1/streams/front").header("if-none-match", "*").json(&stream);
+    read(only_new).await.assert_problem(412);
+    for (wrong, status, pointer) in [
+        (json!({"camera": "nobody", "targets": ["wing-six"]}), 404, "/camera"),
+        (json!({"camera": "demo", "targets": ["wing-six", "nobody"]}), 404, "/targets/1"),
+        (json!({"camera": "demo", "targets": []}), 422, "/targets"),
+        (json!({"camera": "demo", "targets": ["wing-six"], "max_instances": 0}), 422, "/max_instances"),
+        (json!({"camera": "demo", "targets": ["wing-six"], "detector": {"min_fill": -1}}), 422, "/detector/min_fill"),
+        (json!({"camera": "demo", "targets": ["wing-six"], "solvr": "auto"}), 422, ""),
+    ] {
+        let refused = station.put("/v1/streams/aft", &wrong).await;
+        assert_eq!(refused.assert_problem(status).pointer(), pointer, "{wrong}");
+    }
+    station.put("/v1/streams/@aft", &stream).await.assert_problem(422);
+    let removed = read(station.request(Method::DELETE, "/v1/streams/front")).await;
+    assert_eq!(removed.status, StatusCode::NO_CONTENT);
+    station.get("/v1/streams/front").await.assert_problem(404);
+}

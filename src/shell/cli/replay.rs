@@ -2,6 +2,8 @@
 
 mod client;
 mod feed;
+#[cfg(feature = "zenoh")]
+mod outlet;
 mod tally;
 
 use std::path::PathBuf;
@@ -21,6 +23,8 @@ use super::{Failures, Stop};
 use crate::shell::console::{Timeline, note, print_line};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::is_interrupted;
+#[cfg(feature = "zenoh")]
+use crate::shell::store::check_name;
 use crate::shell::wire::detector::Method;
 use crate::shell::wire::frame::OrientationHandling;
 use crate::shell::wire::{TargetWire, from_json};
@@ -31,6 +35,7 @@ use tally::Tally;
 pub(super) const EXAMPLES: &str = "Examples:
   skypose replay flight.mp4 --camera front --target wing-six
   skypose replay flight.mp4 --method edge --server http://192.168.1.5:8080 --speed 0.5
+  skypose replay flight.mp4 --camera front --zenoh tcp/127.0.0.1:7447
   skypose replay frames --fps 10 --camera camera.json --target target.json
 
 With a camera and a target, frames go to /v1/estimates, otherwise to /v1/detections. A frame that is due while --in-flight \
@@ -75,6 +80,21 @@ pub(super) struct Replay {
     /// What to do with an orientation that a video states, as of phones: ignore or apply.
     #[arg(long, default_value = "ignore", value_parser = named::<OrientationHandling>)]
     orientation: OrientationHandling,
+    /// Send the frames to a Zenoh network instead, under the camera's name there: an endpoint to connect to, or a Zenoh configuration
+    /// file. What is looked for in them is stored with the server (PUT /v1/streams/NAME).
+    #[cfg(feature = "zenoh")]
+    #[arg(
+        long, value_name = "ENDPOINT|FILE", requires = "camera",
+        conflicts_with_all = ["server", "target", "method", "request", "in_flight"]
+    )]
+    zenoh: Option<String>,
+    /// With --zenoh: the node that is to look at them [default: the one that listens to the camera].
+    #[cfg(feature = "zenoh")]
+    #[arg(long, value_name = "NAME", requires = "zenoh")]
+    node: Option<String>,
+    #[cfg(feature = "zenoh")]
+    #[command(flatten)]
+    group: super::network::GroupArgs,
     #[command(flatten)]
     moving: MovingArgs,
 }
@@ -110,6 +130,10 @@ impl Replay {
     pub(super) fn run(self) -> Result<(), Stop> {
         // Whether or not the server is reached by TLS, the client wants to know whose it would be.
         let _ = rustls::crypto::ring::default_provider().install_default();
+        #[cfg(feature = "zenoh")]
+        if let Some(network) = &self.zenoh {
+            return self.send(network);
+        }
         let request = self.request()?;
         let client = Client::of(&self.server, request)?;
         let feed = Feed::of(&self)?;
@@ -120,6 +144,38 @@ impl Replay {
         })?;
         note(&tally.summary());
         if is_interrupted() { Err(Stop::Interrupted) } else { failures.into_result() }
+    }
+
+    /// Sends the frames to a network, at their pace; nobody answers.
+    #[cfg(feature = "zenoh")]
+    fn send(&self, network: &str) -> Result<(), Stop> {
+        let camera = self.camera.as_ref().map(|camera| camera.display().to_string()).unwrap_or_default();
+        check_name(&camera)?;
+        let keys = self.group.keys()?;
+        let feed = Feed::of(self)?;
+        super::network::runtime()?.block_on(async {
+            let mut outlet = outlet::Outlet::open(network, &keys, self.node.as_deref(), &camera).await?;
+            let (mut timeline, mut start) = (Timeline::new(None), Start::default());
+            let (mut failures, mut sent, began) = (Failures::default(), 0_u64, Instant::now());
+            let mut shots = feed.start()?;
+            while let Some(fed) = shots.recv().await {
+                let shot = match fed {
+                    Ok(shot) => shot,
+                    Err((source, fault)) => {
+                        timeline.suspend(|| failures.add(&source, &fault));
+                        continue;
+                    }
+                };
+                tokio::time::sleep_until(start.due(&shot, self.speed)).await;
+                timeline.step(shot.time_us);
+                outlet.send(shot.body).await?;
+                sent += 1;
+            }
+            drop(timeline);
+            note(&format!("{sent} frames in {:.1} s sent to {}.", began.elapsed().as_secs_f64(), outlet.key()));
+            outlet.close().await?;
+            if is_interrupted() { Err(Stop::Interrupted) } else { failures.into_result() }
+        })
     }
 
     /// What is asked of each frame, as JSON: what the server understands of it is its own business.
