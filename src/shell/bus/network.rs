@@ -27,7 +27,10 @@ pub async fn join(network: &str, role: Role, shared_memory: bool) -> Result<Sess
     let config = config(network, role, shared_memory)?;
     zenoh::open(config).await.map_err(|error| {
         let kind = if role == Role::Listen { FaultKind::Internal } else { FaultKind::Unreachable };
-        Fault::new(kind, format!("Zenoh at {network}: {error}"))
+        // Without the place in its source that Zenoh tells.
+        let text = error.to_string();
+        let text = text.split(" at /").next().unwrap_or_default().trim();
+        Fault::new(kind, format!("Zenoh at {network}: {text}"))
     })
 }
 
