@@ -32,7 +32,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// How often it is looked whether another has.
 const READ_EVERY: Duration = Duration::from_secs(1);
 /// A camera for which no stream is stored is forgotten after this time without a frame.
-const FORGOTTEN_AFTER: Duration = Duration::from_secs(60);
+const FORGOTTEN_AFTER: Duration = Duration::from_mins(1);
 
 /// The service on the network.
 #[derive(Debug)]
@@ -246,6 +246,7 @@ impl House {
     }
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "as a failed call hands it over")]
 fn failed(error: zenoh::Error) -> Fault {
     Fault::new(FaultKind::Internal, error.to_string())
 }

@@ -36,12 +36,11 @@ pub(super) async fn answer_all(
             let place = Arc::clone(&places).try_acquire_owned();
             metrics::counter!("skypose_queries_total", "call" => call.name()).increment(1);
             runtime.spawn(async move {
-                let answer = match &place {
-                    Ok(_) => answer(&service, call, &query).await,
-                    Err(_) => {
-                        let detail = "as many queries as the service takes are under way";
-                        Err(Fault::new(FaultKind::Overloaded, detail))
-                    }
+                let answer = if place.is_ok() {
+                    answer(&service, call, &query).await
+                } else {
+                    let detail = "as many queries as the service takes are under way";
+                    Err(Fault::new(FaultKind::Overloaded, detail))
                 };
                 // A reply may wait for a client that reads slowly: not on a thread that others need.
                 let _ = tokio::task::spawn_blocking(move || {

@@ -119,6 +119,7 @@ fn encoding_of(bytes: &[u8]) -> Encoding {
     }
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "as a failed call hands it over")]
 fn failed(error: zenoh::Error) -> Fault {
     Fault::new(FaultKind::Internal, error.to_string())
 }
