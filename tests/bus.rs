@@ -488,3 +488,52 @@ async fn a_python_client_flies_through_a_router_that_is_killed_on_the_way() {
     assert_eq!(reply["error"]["status"], 422, "{reply}");
     second.kill();
 }
+
+fn deployed(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/zenoh").join(name);
+    std::fs::read_to_string(path).expect("an example")
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_stranger_without_the_password_does_not_come_in() {
+    let endpoint = free_endpoint();
+    let folder = tempfile::tempdir().expect("a folder");
+    let users = folder.path().join("users.txt");
+    std::fs::write(&users, "alpha:change me\nground:s3cret\n").expect("writes");
+    // The example, at another place.
+    let text = deployed("password.json5")
+        .replace("tcp/0.0.0.0:7447", &endpoint)
+        .replace("/etc/skypose/users.txt", &users.display().to_string());
+    let network = folder.path().join("zenoh.json5");
+    std::fs::write(&network, text).expect("writes");
+    let station = Station::with(|settings| {
+        settings.zenoh.network = network.display().to_string();
+        settings.zenoh.node = "alpha".into();
+    })
+    .await;
+    let client = async |user: Option<(&str, &str)>| {
+        let mut config = zenoh::Config::default();
+        let mut set = |key: &str, value: Value| config.insert_json5(key, &value.to_string()).expect("a setting");
+        set("mode", json!("client"));
+        set("connect/endpoints", json!([endpoint]));
+        set("scouting/multicast/enabled", json!(false));
+        if let Some((user, password)) = user {
+            set("transport/auth/usrpwd", json!({"user": user, "password": password}));
+        }
+        zenoh::open(config).await
+    };
+    for stranger in [None, Some(("ground", "guess")), Some(("nobody", "s3cret"))] {
+        assert!(client(stranger).await.is_err(), "{stranger:?} came in");
+    }
+    let friend = client(Some(("ground", "s3cret"))).await.expect("comes in");
+    let replies = friend.get(format!("{BASE}/rpc/health")).timeout(SOON).await.expect("asks");
+    assert!(replies.recv_async().await.expect("a reply").result().is_ok());
+    drop(station);
+}
+
+#[test]
+fn the_examples_of_configurations_can_be_read() {
+    for name in ["client.json5", "password.json5"] {
+        zenoh::Config::from_json5(&deployed(name)).expect(name);
+    }
+}

@@ -164,7 +164,7 @@ async fn a_stream_names_what_is_stored() {
         (json!({"camera": "demo", "targets": []}), 422, "/targets"),
         (json!({"camera": "demo", "targets": ["wing-six"], "max_instances": 0}), 422, "/max_instances"),
         (json!({"camera": "demo", "targets": ["wing-six"], "detector": {"min_fill": -1}}), 422, "/detector/min_fill"),
-        (json!({"camera": "demo", "targets": ["wing-six"], "solvr": "auto"}), 422, ""),
+        (json!({"camera": "demo", "targets": ["wing-six"], "solvr": "auto"}), 422, "/solvr"),
     ] {
         let refused = station.put("/v1/streams/aft", &wrong).await;
         assert_eq!(refused.assert_problem(status).pointer(), pointer, "{wrong}");
