@@ -31,6 +31,9 @@ const BASE: &str = "skypose/v1/default/alpha";
 /// Longer than anything here takes.
 const SOON: Duration = Duration::from_secs(20);
 
+/// Frames of the flood.
+const SENT: u64 = 200;
+
 type Listener = Subscriber<FifoChannelHandler<Sample>>;
 
 fn free_endpoint() -> String {
@@ -54,7 +57,7 @@ impl Swarm {
     async fn start(change: impl FnOnce(&mut Settings)) -> Self {
         let endpoint = free_endpoint();
         let station = Station::equipped_with(|settings| {
-            settings.zenoh.network = endpoint.clone();
+            settings.zenoh.network.clone_from(&endpoint);
             settings.zenoh.node = "alpha".into();
             settings.zenoh.max_age_ms = 20_000;
             change(settings);
@@ -246,7 +249,6 @@ async fn of_a_flood_the_newest_wins_and_the_rest_is_counted() {
     let swarm = Swarm::start(|settings| settings.workers.threads = 1).await;
     let estimates = swarm.listen("estimate").await;
     let frame = jpeg();
-    const SENT: u64 = 200;
     for sequence in 0..SENT {
         // Every tenth is lost on its way.
         if sequence % 10 != 5 {
@@ -303,8 +305,7 @@ async fn bad_payloads_harm_nothing() {
     let estimates = swarm.listen("estimate").await;
     let front = format!("{BASE}/camera/front/frame");
     let good = jpeg();
-    let mut refused = 0;
-    for (payload, encoding, note) in [
+    let bad = [
         (Vec::new(), "image/jpeg", "{}"),
         (b"no frame at all".to_vec(), "image/jpeg", "{}"),
         (good[..good.len() / 3].to_vec(), "image/png", "{}"),
@@ -321,9 +322,9 @@ async fn bad_payloads_harm_nothing() {
         (good.clone(), "application/octet-stream", "{\"width\": 640}"),
         (vec![0; 5 << 20], "image/jpeg", "{}"),
         (good.clone(), "image/jpeg", &format!("{{\"x\": \"{}\"}}", "x".repeat(5000))),
-    ] {
+    ];
+    for (refused, (payload, encoding, note)) in (1..).zip(bad) {
         swarm.client.put(&front, payload).encoding(encoding).attachment(note).await.expect("sends");
-        refused += 1;
         let status = swarm.until(|status| status["refused"] == refused).await;
         assert!(status["problem"]["status"].as_u64().is_some_and(|status| status < 500), "{encoding} {note}: {status}");
     }

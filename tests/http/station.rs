@@ -27,6 +27,7 @@ pub struct Station {
     pub serving: JoinHandle<std::io::Result<()>>,
     /// The network, where the settings name one.
     #[cfg(feature = "zenoh")]
+    #[allow(dead_code, reason = "asked for by the tests of the network alone")]
     pub bus: Option<skypose::shell::bus::Bus>,
     folder: TempDir,
 }
