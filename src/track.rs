@@ -18,7 +18,7 @@
 //! *Which answer is of which track* is decided by position, all answers with all tracks together (global nearest neighbour within
 //! a chi-square gate), confirmed tracks first. What no track takes begins a tentative one.
 //!
-//! *Covariances that are not reliable* (see [`PoseEstimate`](crate::pose::PoseEstimate)) are counted with at twice their deviation,
+//! *Covariances that are not reliable* (see [`PoseEstimate`](crate::pose::PoseEstimate)) are counted with at twice their variance,
 //! so that a track does not grow surer of itself than bent errors allow.
 //!
 //! # What it must not be fed
@@ -39,9 +39,6 @@ mod options;
 mod process_noise;
 mod search;
 mod update;
-
-#[cfg(test)]
-mod tests;
 
 use std::time::Duration;
 
@@ -227,3 +224,6 @@ impl Tracker {
         self.last.map_or(0.0, |last| stamp.saturating_sub(last).min(self.options.max_gap).as_secs_f64())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -13,7 +13,8 @@ pub struct Uncertain {
     pub sigma: f64,
 }
 
-/// The closest approach of target and camera if both velocities stay as they are; deviations by first-order propagation.
+/// The closest approach of target and camera if both velocities stay as they are; deviations by first-order propagation,
+/// that of the time widened for the skew of one over a speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClosestApproach {
     /// Time until then, s.
@@ -41,10 +42,10 @@ pub enum NoApproach {
 }
 
 /// The closing speed must be this many of its deviations from zero.
-const DETERMINED_SIGMAS: f64 = 3.0;
+const DETERMINED_SIGMAS: f64 = 4.0;
 
 /// The velocity's deviation in all directions may be this share of the speed at most: beyond, first order does not hold.
-const MAX_SPEED_SIGMA_RATIO: f64 = 0.3;
+const MAX_SPEED_SIGMA_RATIO: f64 = 0.2;
 
 impl Motion {
     /// Growth of the distance of the target's origin, m/s. `None` for a target at the camera itself.
@@ -88,7 +89,8 @@ impl Motion {
         let time_s = -position.dot(&velocity) / squared;
         let by_position = -velocity / squared;
         let by_velocity = -(position + velocity * (2.0 * time_s)) / squared;
-        let time = finite(time_s, self.sigma_along(&by_position, &by_velocity)).ok_or(undetermined)?;
+        let first_order_s = self.sigma_along(&by_position, &by_velocity);
+        let time = finite(time_s, first_order_s * skew_factor(closing_speed_mps)).ok_or(undetermined)?;
         let miss = self.miss_m(&(position + velocity * time_s), time_s).ok_or(undetermined)?;
         Ok(ClosestApproach { time_s: time, miss_m: miss })
     }
@@ -122,6 +124,11 @@ impl Motion {
         let slope = Vector6::new(p.x, p.y, p.z, v.x, v.y, v.z);
         slope.dot(&(both * slope)).max(0.0).sqrt()
     }
+}
+
+/// What the second order adds to the deviation of one over a speed: its variance is `(sigma / v^2)^2 (1 + 8 sigma^2 / v^2)`.
+fn skew_factor(speed_mps: Uncertain) -> f64 {
+    (1.0 + 8.0 * (speed_mps.sigma / speed_mps.value).powi(2)).sqrt()
 }
 
 fn finite(value: f64, sigma: f64) -> Option<Uncertain> {
@@ -173,7 +180,8 @@ mod tests {
             }
             let sigma = |slope: &Vector12| slope.dot(&(motion.covariance() * slope)).sqrt();
             prop_assert!((motion.range_rate_mps().expect("far").sigma - sigma(&rate)).abs() < 1e-7);
-            prop_assert!((found.time_s.sigma - sigma(&time)).abs() < 1e-7);
+            let widened = sigma(&time) * skew_factor(motion.closing_speed_mps().expect("far"));
+            prop_assert!((found.time_s.sigma - widened).abs() < 1e-7);
             prop_assert!((found.miss_m.sigma - sigma(&miss)).abs() < 1e-6);
         }
     }

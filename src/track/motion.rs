@@ -132,8 +132,10 @@ impl Motion {
         let turn_rad = self.angular_velocity_radps * dt_s;
         let by = transition(&turn_rad, dt_s);
         let covariance = by * self.covariance * by.transpose() + process_noise(&turn_rad, dt_s, options);
+        let turned = rotation::exp(&turn_rad) * self.camera_from_target.rotation;
+        // By way of a unit quaternion, so that rounding does not gather over many frames.
         let pose = CameraFromTarget::new(
-            rotation::nearest((rotation::exp(&turn_rad) * self.camera_from_target.rotation).matrix())?,
+            rotation::from_quaternion(&rotation::to_quaternion(&turned)),
             self.camera_from_target.translation + self.velocity_mps * dt_s,
         );
         Self::checked(pose, self.velocity_mps, self.angular_velocity_radps, &covariance)

@@ -20,8 +20,8 @@ pub struct TrackOptions {
     /// What is further away than this many deviations of a normal variable (as a quantile of chi-square) is something else.
     /// 3.72 refuses one right answer in ten thousand.
     pub gate_z: f64,
-    /// Factor on the variances of poses whose covariance is not reliable. With 4, the deviation counted with is the two-sigma
-    /// spread, out to which the error was looked at when it was called unreliable.
+    /// Factor on the variances of poses whose covariance is not reliable. On simulated flights the squared error of tracks comes
+    /// to 1.06 to 1.26 of what they say with 1, to 0.87 to 0.98 with 2, to 0.75 to 0.93 with 4.
     pub unreliable_variance_factor: f64,
     /// Most hypotheses per track: both mirror images, each before and after a jump.
     pub max_branches: usize,
@@ -63,7 +63,7 @@ impl Default for TrackOptions {
             speed_sigma_mps: 20.0,
             turn_rate_sigma_radps: 2.0,
             gate_z: 3.72,
-            unreliable_variance_factor: 4.0,
+            unreliable_variance_factor: 2.0,
             max_branches: 4,
             min_branch_probability: 1e-6,
             missed_minimum_probability: 1e-4,

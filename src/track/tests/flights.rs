@@ -8,8 +8,8 @@ use crate::geometry::{CameraFromTarget, rotation};
 use crate::pose::{PoseAnswer, PoseOptions, estimate_pose};
 use crate::random::{normal, normal2};
 use crate::refine::Correspondence;
-use crate::scene::cases::{any_rotation, seed_camera};
-use crate::scene::models::wing_six;
+pub use crate::scene::cases::seed_camera;
+pub use crate::scene::models::wing_six;
 use crate::target::Target;
 use crate::track::TrackOptions;
 
@@ -33,21 +33,34 @@ pub fn wandering_options() -> TrackOptions {
     }
 }
 
+/// How a flight begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// 4 to 12 m away, at less than a metre per second in any direction.
+    Near,
+    /// 13 to 16 m away, coming at about 3 m/s, to pass by within a metre or two.
+    Coming,
+}
+
 /// A target that keeps its velocities but for white accelerations of the size that [`wandering_options`] states, all of it in
 /// view of the camera and turned to it.
-pub fn wandering(rng: &mut impl Rng, frames: usize) -> Vec<Truth> {
+pub fn wandering(rng: &mut impl Rng, start: Start, frames: usize) -> Vec<Truth> {
     let (camera, target, options) = (seed_camera(), wing_six(), wandering_options());
     loop {
         let tilt_rad = rng.random_range(0.0..60.0_f64).to_radians();
         let about: f64 = rng.random_range(0.0..std::f64::consts::TAU);
         let tilt = rotation::exp(&(Vector3::new(about.cos(), about.sin(), 0.0) * tilt_rad));
         let spin = rotation::exp(&(Vector3::z() * rng.random_range(0.0..std::f64::consts::TAU)));
-        let depth_m = rng.random_range(4.0..12.0);
-        let bearing = Vector3::new(rng.random_range(-0.3..0.3), rng.random_range(-0.3..0.3), 1.0);
+        let (depths_m, aside, closing_mps) = match start {
+            Start::Near => (4.0..12.0, 0.3, 0.0),
+            Start::Coming => (13.0..16.0, 0.1, 3.0),
+        };
+        let depth_m = rng.random_range(depths_m);
+        let bearing = Vector3::new(rng.random_range(-aside..aside), rng.random_range(-aside..aside), 1.0);
         let mut draw = |sigma: f64| Vector3::from_fn(|_, _| sigma * normal(rng));
         let mut truth = Truth {
             camera_from_target: CameraFromTarget::new(tilt * spin, bearing * depth_m),
-            velocity_mps: draw(0.8),
+            velocity_mps: draw(if start == Start::Near { 0.8 } else { 0.3 }) - bearing * closing_mps,
             angular_velocity_radps: draw(0.15),
         };
         let mut flight = Vec::with_capacity(frames);
@@ -105,9 +118,4 @@ pub fn answer(rng: &mut impl Rng, camera: &Camera, pose: &CameraFromTarget, nois
     let target = wing_six();
     let faces = |pose: &CameraFromTarget| (0..target.markers().len()).all(|index| target.faces_camera(index, pose));
     estimate_pose(camera, &seen?, &PoseOptions::default()).ok()?.restricted(faces).ok()
-}
-
-/// Any attitude at a place, seen perfectly well: for tests in which only places matter.
-pub fn placed(rng: &mut impl Rng, position: Vector3<f64>) -> CameraFromTarget {
-    CameraFromTarget::new(any_rotation(rng), position)
 }

@@ -5,10 +5,9 @@ use std::time::Duration;
 use nalgebra::{Matrix6, Rotation3, Vector3};
 use proptest::prelude::*;
 
+use super::flights::{seed_camera, wing_six};
 use crate::geometry::{CameraFromTarget, PoseCovariance, rotation};
 use crate::pose::{PoseAnswer, PoseEstimate};
-use crate::scene::cases::seed_camera;
-use crate::scene::models::wing_six;
 use crate::solve::Solver;
 use crate::track::{TrackError, TrackOptions, Tracker};
 
