@@ -21,6 +21,12 @@
 //! *Covariances that are not reliable* (see [`PoseEstimate`](crate::pose::PoseEstimate)) are counted with at twice their variance,
 //! so that a track does not grow surer of itself than bent errors allow.
 //!
+//! # What it rests on
+//!
+//! Noise of the pixels that is new in every frame. Where camera or marker places are wrong, every frame errs the same way and time
+//! does not help: a bias of a third of the noise costs little, one larger than the noise leaves two thirds of the flips and makes
+//! the covariances too small by half. State such errors in the centroids' deviations, and calibrate.
+//!
 //! # What it must not be fed
 //!
 //! [`Tracker::prior`] offers the predicted pose as a [`PosePrior`], for identification or for an answer to a single frame. An answer

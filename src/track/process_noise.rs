@@ -6,7 +6,7 @@ use super::motion::Matrix12;
 use super::options::TrackOptions;
 use crate::geometry::rotation::cross_matrix;
 
-/// Below this squared turn the series is used; the terms left out are below 1e-10 of those kept.
+/// Below this squared turn the series is used; the terms left out are below 1e-9 of the whole.
 const SMALL_SQUARED: f64 = 1e-4;
 
 /// The exact covariance of the constant-velocity model after `dt_s` of white acceleration and angular acceleration, about a
@@ -38,25 +38,22 @@ pub(super) fn process_noise(turn_rad: &Vector3<f64>, dt_s: f64, options: &TrackO
 /// The integrals of `A A^T` and of `A`.
 fn turned(turn_rad: &Vector3<f64>, dt_s: f64) -> (Matrix3<f64>, Matrix3<f64>) {
     let squared = turn_rad.norm_squared();
-    // Across the axis, as shares of dt^3 and dt^2: of A A^T, of A's symmetric part, of its skew part over the turn.
-    let (both, even, odd) = if squared < SMALL_SQUARED {
-        (1.0 / 3.0 - squared / 60.0, 0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0)
+    // By how much A A^T and the symmetric part of A are smaller across the axis than along it, and the skew part of A: as shares
+    // of dt^3 and dt^2, over the squared turn, over the squared turn, over the turn.
+    let (less_both, less_even, odd) = if squared < SMALL_SQUARED {
+        (1.0 / 60.0, 1.0 / 24.0, 1.0 / 6.0 - squared / 120.0)
     } else {
         let angle = squared.sqrt();
         let rest = (angle - angle.sin()) / (squared * angle);
         let half_sine = (0.5 * angle).sin();
-        (2.0 * rest, 2.0 * half_sine * half_sine / squared, rest)
+        let versine = 2.0 * half_sine * half_sine / squared;
+        ((1.0 / 3.0 - 2.0 * rest) / squared, (0.5 - versine) / squared, rest)
     };
     let cross = cross_matrix(turn_rad);
-    // The projection across the axis times the squared angle, with its sign turned: no axis is needed where there is none.
+    // The projection across the axis times the squared turn, with its sign turned: no axis is needed where there is none.
     let across = cross * cross;
-    let (plane_both, plane_even) = if squared < SMALL_SQUARED {
-        (across / 60.0, across / 24.0)
-    } else {
-        (-across * ((both - 1.0 / 3.0) / squared), -across * ((even - 0.5) / squared))
-    };
-    let attitude = (Matrix3::identity() / 3.0 + plane_both) * dt_s.powi(3);
-    let with_rate = (Matrix3::identity() * 0.5 + plane_even + cross * odd) * dt_s.powi(2);
+    let attitude = (Matrix3::identity() / 3.0 + across * less_both) * dt_s.powi(3);
+    let with_rate = (Matrix3::identity() * 0.5 + across * less_even + cross * odd) * dt_s.powi(2);
     (attitude, with_rate)
 }
 

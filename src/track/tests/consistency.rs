@@ -5,9 +5,9 @@
 use std::time::Duration;
 
 use super::flights::{RATE_HZ, Start, Truth, answer, seed_camera, wandering, wandering_options};
-use crate::camera::Camera;
+use crate::camera::{Camera, Pixel};
 use crate::geometry::{CameraFromTarget, rotation};
-use crate::random::case;
+use crate::random::{case, normal2};
 use crate::scene::flight::Flight;
 use crate::scene::models::demo_camera;
 use crate::scene::verdict::MAX_GOOD_ROTATION_DEG;
@@ -66,12 +66,24 @@ fn mean_sigma(values: &[f64]) -> f64 {
 
 impl Sums {
     fn fly(&mut self, camera: &Camera, flight: &[Truth], noise_px: f64, options: TrackOptions, seed: (&str, u64)) {
+        self.fly_beside(camera, flight, (noise_px, &[Pixel::zeros(); 6]), options, seed);
+    }
+
+    /// As `fly`, with a bias in all frames beside the noise.
+    fn fly_beside(
+        &mut self,
+        camera: &Camera,
+        flight: &[Truth],
+        (noise_px, bias_px): (f64, &[Pixel; 6]),
+        options: TrackOptions,
+        seed: (&str, u64),
+    ) {
         let mut rng = case(seed.0, seed.1);
         let mut tracker = Tracker::new(options).expect("good options");
         let (mut pose, mut all, mut closing, mut time) = (vec![], vec![], vec![], vec![]);
         for (index, truth) in flight.iter().enumerate() {
             let stamp = Duration::from_secs_f64(1000.0 + index as f64 / RATE_HZ);
-            let single = answer(&mut rng, camera, &truth.camera_from_target, noise_px);
+            let single = answer(&mut rng, camera, &truth.camera_from_target, noise_px, bias_px);
             let report = tracker.step(stamp, single.as_ref()).expect("later");
             let (Some(single), Some(track), true) = (single, report.believed().next(), index >= SETTLED) else {
                 continue;
@@ -203,6 +215,23 @@ fn wandering_targets_are_where_the_track_says() {
     }
     println!("flips in all: track {}, single {}", flips[0], flips[1]);
     assert!(flips[0] * 10 < flips[1], "{flips:?}");
+}
+
+#[test]
+fn what_is_wrong_in_every_frame_the_track_believes_but_it_is_still_better_than_single_frames() {
+    // A bias of the markers that is small against the noise, and one that is larger.
+    for (bias, most_flips_ratio) in [(0.1, 0.15), (0.5, 0.8)] {
+        let mut sums = Sums::default();
+        for index in 0..200 {
+            let flight = wandering(&mut case("wandering", index), Start::Near, 80);
+            let mut rng = case("bias of the markers", index);
+            let bias_px = [(); 6].map(|()| normal2(&mut rng) * bias);
+            sums.fly_beside(&seed_camera(), &flight, (0.3, &bias_px), wandering_options(), ("wandering noise", index));
+        }
+        sums.show(&format!("bias of {bias} px"));
+        assert!((sums.flips[0] as f64) < most_flips_ratio * sums.flips[1] as f64, "{:?}", sums.flips);
+        assert!((0..3).all(|what| sums.squared[0][what] < sums.squared[1][what]), "{:?}", sums.squared);
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Pixel};
 use crate::geometry::{CameraFromTarget, rotation};
 use crate::pose::{PoseAnswer, PoseOptions, estimate_pose};
 use crate::random::{normal, normal2};
@@ -105,14 +105,25 @@ fn is_seen(camera: &Camera, target: &Target, pose: &CameraFromTarget) -> bool {
     })
 }
 
-/// The answer to one frame with pixel noise.
-pub fn answer(rng: &mut impl Rng, camera: &Camera, pose: &CameraFromTarget, noise_px: f64) -> Option<PoseAnswer> {
+/// The answer to one frame with pixel noise; in all frames the markers are seen beside their places by `bias_px`.
+pub fn answer(
+    rng: &mut impl Rng,
+    camera: &Camera,
+    pose: &CameraFromTarget,
+    noise_px: f64,
+    bias_px: &[Pixel; 6],
+) -> Option<PoseAnswer> {
     let seen: Option<Vec<Correspondence>> = wing_six()
         .markers()
         .iter()
-        .map(|marker| {
-            let pixel = camera.project(&(*pose * marker.position))? + normal2(rng) * noise_px;
-            Some(Correspondence { point: marker.position, pixel, sigma_px: noise_px })
+        .zip(bias_px)
+        .map(|(marker, bias_px)| {
+            let pixel = camera.project(&(*pose * marker.position))? + bias_px + normal2(rng) * noise_px;
+            Some(Correspondence {
+                point: marker.position,
+                pixel,
+                sigma_px: noise_px.hypot(bias_px.norm() / 2.0_f64.sqrt()),
+            })
         })
         .collect();
     let target = wing_six();

@@ -8,7 +8,7 @@ use super::flights::{seed_camera, wing_six};
 use crate::geometry::{CameraFromTarget, PoseCovariance, rotation};
 use crate::pose::{PoseAnswer, PoseEstimate};
 use crate::solve::Solver;
-use crate::track::{FullReason, Life, Loss, Report, Search, TrackError, TrackId, TrackOptions, Tracker};
+use crate::track::{FullReason, Life, Loss, Report, Search, Track, TrackError, TrackId, TrackOptions, Tracker};
 
 /// The same in every frame: about a centimetre and half a degree.
 fn estimate(position: Vector3<f64>, turn: Vector3<f64>, probability: f64) -> PoseEstimate {
@@ -21,12 +21,19 @@ fn estimate(position: Vector3<f64>, turn: Vector3<f64>, probability: f64) -> Pos
     }
 }
 
-fn answer(best: PoseEstimate, alternatives: Vec<PoseEstimate>) -> PoseAnswer {
-    PoseAnswer { best, alternatives, solver: Solver::Ippe, noise_scale: 1.0, ln_evidence: 0.0 }
+/// The first is the best.
+fn answer(poses: &[PoseEstimate]) -> PoseAnswer {
+    PoseAnswer {
+        best: poses[0],
+        alternatives: poses[1..].to_vec(),
+        solver: Solver::Ippe,
+        noise_scale: 1.0,
+        ln_evidence: 0.0,
+    }
 }
 
 fn at(x: f64, y: f64, z: f64) -> PoseAnswer {
-    answer(estimate(Vector3::new(x, y, z), Vector3::x() * 0.5, 1.0), Vec::new())
+    answer(&[estimate(Vector3::new(x, y, z), Vector3::x() * 0.5, 1.0)])
 }
 
 fn stamp(frame: u64) -> Duration {
@@ -56,9 +63,8 @@ fn a_target_is_confirmed_at_the_third_sight_and_clutter_never() {
     }
     let report = step(&mut tracker, 3, &[moving(3), at(0.0, 3.0, 9.0)]);
     assert_eq!(report.track_of_answer, [Some(TrackId(0)), Some(TrackId(1))]);
-    let lives: Vec<Life> = (4..7)
-        .filter_map(|frame| step(&mut tracker, frame, &[moving(frame)]).tracks.get(1).map(|t| t.life()))
-        .collect();
+    let lives: Vec<Life> =
+        (4..7).filter_map(|frame| step(&mut tracker, frame, &[moving(frame)]).tracks.get(1).map(Track::life)).collect();
     assert_eq!(lives, [Life::Tentative, Life::Tentative, Life::Lost(Loss::Unconfirmed { hits: 1, frames: 4 })]);
     assert_eq!(tracker.tracks().len(), 1);
 }
@@ -92,7 +98,7 @@ fn a_target_that_stays_away_is_lost_once_and_its_name_not_given_again() {
     let mut tracker = tracker();
     (0..5).for_each(|frame| drop(step(&mut tracker, frame, &[moving(frame)])));
     let lost: Vec<Report> =
-        (5..60).map(|frame| step(&mut tracker, frame, &[])).filter(|r| r.tracks.iter().any(|t| t.is_lost())).collect();
+        (5..60).map(|frame| step(&mut tracker, frame, &[])).filter(|r| r.tracks.iter().any(Track::is_lost)).collect();
     assert_eq!(lost.len(), 1);
     assert!(matches!(lost[0].tracks[0].life(), Life::Lost(Loss::Unseen { .. } | Loss::Uncertain { .. })));
     let again = step(&mut tracker, 60, &[moving(60)]);
@@ -142,9 +148,9 @@ fn the_mirrored_attitude_is_kept_alive_until_the_frames_decide() {
     let shares = [0.3, 0.6, 0.9, 0.45, 0.8, 0.9, 0.2, 0.9, 0.9, 0.95];
     let mut is_right = Vec::new();
     for (frame, share) in (0..).zip(shares) {
-        let mut poses = vec![estimate(place, right, share), estimate(place, wrong, 1.0 - share)];
+        let mut poses = [estimate(place, right, share), estimate(place, wrong, 1.0 - share)];
         poses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        let report = step(&mut tracker, frame, &[answer(poses[0], poses[1..].to_vec())]);
+        let report = step(&mut tracker, frame, &[answer(&poses)]);
         let track = &report.tracks[0];
         assert!(!track.alternatives().is_empty(), "frame {frame}: both live");
         let turned =
@@ -159,7 +165,7 @@ fn the_mirrored_attitude_is_kept_alive_until_the_frames_decide() {
 fn a_track_that_was_wrong_turns_round_and_keeps_its_name() {
     let mut tracker = tracker();
     let place = Vector3::new(0.0, 0.0, 6.0);
-    let seen = |turn: f64| answer(estimate(place, Vector3::x() * turn, 1.0), Vec::new());
+    let seen = |turn: f64| answer(&[estimate(place, Vector3::x() * turn, 1.0)]);
     (0..10).for_each(|frame| drop(step(&mut tracker, frame, &[seen(0.5)])));
     let turned: Vec<bool> = (10..16)
         .map(|frame| {
