@@ -24,6 +24,7 @@
 //! | [`refine`] | a candidate | the least reprojection error, with covariance |
 //! | [`pose`] | correspondences | the answer: best pose, runners-up with probabilities, or the reason for none |
 //! | [`identify`] | centroids | which of them is which marker (it tries poses, so it stands after them) |
+//! | [`track`] | answers over time | tracks: motion with covariance, one attitude out of the mirrored ones, closest approach |
 //! | [`pipeline`] | a frame | all of it, on one screen |
 //!
 //! *Workshops*, which use the flow: [`scene`] makes synthetic truth, from the simulated cases of the 2012 study to rendered
@@ -95,3 +96,4 @@ pub mod shell;
 pub mod solve;
 pub mod statistics;
 pub mod target;
+pub mod track;

@@ -77,12 +77,12 @@ fn compare(folder: &Path, found: &Value) {
         }
     }
     let (targets, detection) = (&found["all"]["targets"], &found["all"]["detection"]);
-    assert_eq!([count(&targets["detected"]["count"]), count(&targets["detected"]["total"])], [detected, facing]);
+    assert_eq!([count(&targets["detected"]["count"]), count(&targets["detected"]["of"])], [detected, facing]);
     assert_eq!(count(&targets["right"]["count"]), tally.right);
     let others = ["flagged", "missed", "wrong"].map(|name| count(&targets[name]));
     assert_eq!(others, [tally.flagged, tally.missed, tally.wrong]);
     assert_eq!(count(&targets["invented"]["count"]), 0);
-    let hits = [&detection["found"]["count"], &detection["found"]["total"], &detection["false_alarms"]].map(count);
+    let hits = [&detection["found"]["count"], &detection["found"]["of"], &detection["false_alarms"]].map(count);
     assert_eq!(hits, [tally.markers, u32::try_from(seen).expect("small"), alarms]);
     let beyond = &detection["beyond_four_sigma"]["count"];
     assert_eq!(count(beyond), tally.beyond_four);
@@ -289,7 +289,7 @@ fn a_video_is_followed_and_what_it_lacks_is_told() {
     truth(&frames);
     let found = figures(folder.path(), &[]);
     let detection = &found["all"]["detection"];
-    assert_eq!([count(&detection["frames"]), count(&detection["found"]["total"])], [40, 40]);
+    assert_eq!([count(&detection["frames"]), count(&detection["found"]["of"])], [40, 40]);
     // It takes a few frames until a thing is believed.
     assert!(count(&detection["found"]["count"]) >= 35, "{detection}");
     // Frames that are not labelled are part of the sequence and count nowhere.

@@ -65,7 +65,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(calibrations::get, calibrations::delete))
         .routes(routes!(calibrations::events))
         .routes(routes!(calibrations::report))
-        .routes(routes!(evaluations::list, evaluations::post))
+        .routes(routes!(evaluations::list))
         .routes(routes!(evaluations::get, evaluations::delete))
         .routes(routes!(evaluations::events))
         .routes(routes!(evaluations::report))
@@ -78,7 +78,7 @@ fn routes() -> OpenApiRouter<App> {
 
 /// Routes that take what comes in its own time.
 fn upload_routes() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(calibrations::post))
+    OpenApiRouter::new().routes(routes!(calibrations::post)).routes(routes!(evaluations::post))
 }
 
 /// Routes that answer however full the service is.

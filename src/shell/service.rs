@@ -30,6 +30,7 @@ use compute::Terms;
 use evaluation::{EVALUATION, EvaluationKind};
 use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
+use recorded::job::RecordedTerms;
 use sequences::Sequences;
 use workers::Workers;
 
@@ -51,7 +52,10 @@ impl Service {
     /// If the store cannot be opened or a thread cannot be started.
     pub async fn start(settings: Settings) -> Result<Self, Fault> {
         let calibrations = CalibrationKind { limits: settings.frames.limits() };
-        Self::with_kinds(settings, vec![Arc::new(calibrations), Arc::new(EvaluationKind)]).await
+        let recorded =
+            RecordedTerms { terms: Terms::of(&settings), max_unpacked_bytes: settings.jobs.max_upload_bytes };
+        let evaluations = EvaluationKind { recorded };
+        Self::with_kinds(settings, vec![Arc::new(calibrations), Arc::new(evaluations)]).await
     }
 
     /// The same with these kinds of jobs.

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use reqwest::multipart::Form;
-use serde_json::Value;
+use reqwest::RequestBuilder;
+use serde_json::{Value, json};
 
 use crate::calibrations::{form, large, request};
 
@@ -50,13 +50,14 @@ impl Program {
     /// Where the job is.
     async fn post(&self) -> String {
         let pictures = (0..PICTURES).map(|number| (format!("{number:02}.png"), large()));
-        self.make("/v1/calibrations", form(&request(), pictures)).await
+        let form = form(&request(), pictures);
+        self.make("/v1/calibrations", |post| post.multipart(form)).await
     }
 
-    /// Where the job is that is made of this form.
-    pub async fn make(&self, kind: &str, form: Form) -> String {
+    /// Where the job is that is made of this body.
+    pub async fn make(&self, kind: &str, body: impl FnOnce(RequestBuilder) -> RequestBuilder) -> String {
         let post = reqwest::Client::new().post(format!("{}{kind}", self.base));
-        let reply = post.multipart(form).send().await.expect("an answer");
+        let reply = body(post).send().await.expect("an answer");
         assert_eq!(reply.status(), 202);
         reply.headers()["location"].to_str().expect("a text").to_owned()
     }
@@ -129,4 +130,31 @@ async fn a_job_whose_process_is_killed_comes_to_the_result_of_one_left_alone() {
     }
     let left = data.path().join("jobs").join(place.rsplit('/').next().expect("an id")).join("uploads");
     assert!(!left.exists());
+}
+
+#[tokio::test]
+async fn an_evaluation_whose_process_is_killed_comes_to_the_figures_of_one_left_alone() {
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let data = tempfile::tempdir().expect("a folder");
+    let mut program = Program::start(data.path());
+    let study = json!({"study": "thesis-2012", "runs": 40_000, "solvers": ["epnp", "auto"]});
+    let post = async |program: &Program| program.make("/v1/evaluations", |post| post.json(&study)).await;
+    let place = post(&program).await;
+    let mut done = 0;
+    for _ in 0..2 {
+        let job = program.when(&place, |job| job["shards_done"].as_u64() > Some(done)).await;
+        done = job["shards_done"].as_u64().expect("a number");
+        assert!(job["shards"].as_u64() > Some(done), "more shards are needed to be killed at work: {job}");
+        program.kill();
+        program = Program::start(data.path());
+        assert!(program.get(&place).await["shards_done"].as_u64() >= Some(done));
+    }
+    let mut resumed = program.when(&place, is_final).await;
+    let undisturbed = post(&program).await;
+    let mut undisturbed = program.when(&undisturbed, is_final).await;
+    for job in [&mut resumed, &mut undisturbed] {
+        assert_eq!(job["status"], "succeeded", "{job}");
+        job["result"].as_object_mut().expect("figures").remove("timing");
+    }
+    assert_eq!(resumed["result"], undisturbed["result"]);
 }

@@ -5,8 +5,7 @@ mod cluster;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-use reqwest::multipart::Form;
-use reqwest::{Client, StatusCode};
+use reqwest::{Client, RequestBuilder, StatusCode};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -19,16 +18,20 @@ const CALIBRATIONS: &str = "/v1/calibrations";
 /// A job of many shards: what is posted where, and how often each shard is told of.
 struct Work {
     place: &'static str,
-    form: fn() -> Form,
+    /// As the metrics have it.
+    kind: &'static str,
+    body: fn(RequestBuilder) -> RequestBuilder,
     shards: u64,
     told: fn(u64) -> String,
-    attachment: &'static str,
+    /// Words that its report holds.
+    reported: &'static str,
 }
 
 /// Pictures of a board, so that a camera is found, and almost as many that take their time and show none.
 const CALIBRATION: Work = Work {
     place: CALIBRATIONS,
-    form: || {
+    kind: "calibration",
+    body: |post| {
         static BOARDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| boards(7).into_iter().map(|board| board.1).collect());
         static WALL: LazyLock<Vec<u8>> = LazyLock::new(|| wall(2400, 1800));
         let mut asked = request();
@@ -38,23 +41,34 @@ const CALIBRATION: Work = Work {
             1..=57 if number % 2 == 1 => (format!("left{number:02}.png"), WALL.clone()),
             _ => (format!("left{number:02}.jpg"), BOARDS[number / 2 % 7].clone()),
         });
-        form(&asked, pictures)
+        post.multipart(form(&asked, pictures))
     },
     shards: 60,
     told: |number| match number {
         1..=57 if number % 2 == 1 => format!("\"message\":\"left{number:02}.png: "),
         _ => format!("\"message\":\"left{number:02}.jpg: "),
     },
-    attachment: "report",
+    reported: "left02.jpg",
+};
+
+/// Cases that take their time.
+const EVALUATION: Work = Work {
+    place: "/v1/evaluations",
+    kind: "evaluation",
+    body: |post| post.json(&json!({"study": "thesis-2012", "runs": 60_000, "solvers": ["epnp+refine", "auto"]})),
+    shards: 30,
+    told: |number| format!("\"message\":\"runs {} to {}\"", number * 2_000 + 1, (number + 1) * 2_000),
+    reported: "epnp+refine",
 };
 
 /// A few pictures that take their time and show no board.
 const WALLS: Work = Work {
     place: CALIBRATIONS,
-    form: || form(&request(), (0..12).map(|number| (format!("wall{number:02}.png"), large()))),
+    kind: "calibration",
+    body: |post| post.multipart(form(&request(), (0..12).map(|number| (format!("wall{number:02}.png"), large())))),
     shards: 12,
     told: |number| format!("\"message\":\"wall{number:02}.png: "),
-    attachment: "report",
+    reported: "wall02.png",
 };
 
 /// A server with a folder of its own, as on a machine of its own.
@@ -71,10 +85,10 @@ impl Server {
     }
 
     /// Shards that it has computed.
-    async fn computed(&self) -> u64 {
+    async fn computed(&self, work: &Work) -> u64 {
         let text = self.text("/metrics").await;
-        let line =
-            text.lines().find_map(|line| line.strip_prefix("skypose_shard_seconds_count{kind=\"calibration\"} "));
+        let head = format!("skypose_shard_seconds_count{{kind=\"{}\"}} ", work.kind);
+        let line = text.lines().find_map(|line| line.strip_prefix(&head));
         line.map_or(0, |number| number.parse().expect("a number"))
     }
 
@@ -110,14 +124,30 @@ fn assert_told_once(work: &Work, events: &str) {
     assert!(numbers.iter().copied().eq(1..=work.shards + 3), "queued, running, the shards, the end: {numbers:?}");
 }
 
+/// Times are never the same again.
 fn assert_same(found: &Value, alone: &Value) {
+    let timeless = |job: &Value| {
+        let mut job = job.clone();
+        job["result"].as_object_mut().map(|result| result.remove("timing"));
+        job
+    };
+    let (found, alone) = (timeless(found), timeless(alone));
     for member in ["status", "shards", "shards_done", "progress", "request", "files", "result", "error"] {
         assert_eq!(found[member], alone[member], "{member}");
     }
 }
 
 #[tokio::test]
-async fn three_servers_of_which_one_is_killed_come_to_the_result_of_one_alone() {
+async fn three_servers_of_which_one_is_killed_come_to_the_camera_of_one_alone() {
+    three_servers(&CALIBRATION).await;
+}
+
+#[tokio::test]
+async fn three_servers_of_which_one_is_killed_come_to_the_figures_of_one_alone() {
+    three_servers(&EVALUATION).await;
+}
+
+async fn three_servers(work: &Work) {
     let _ = rustls::crypto::ring::default_provider().install_default();
     let Some(cluster) = Cluster::start().await else { return };
     let database = cluster.database().await;
@@ -130,12 +160,12 @@ async fn three_servers_of_which_one_is_killed_come_to_the_result_of_one_alone() 
     for start in starts {
         servers.push(start.await.expect("starts"));
     }
-    let work = &CALIBRATION;
-    let place = servers[0].program.make(work.place, (work.form)()).await;
+    let place = servers[0].program.make(work.place, work.body).await;
     loop {
         let job = servers[1].program.get(&place).await;
         assert!(!is_final(&job), "more shards are needed to be killed at work: {job}");
-        let computed = [servers[0].computed().await, servers[1].computed().await, servers[2].computed().await];
+        let computed =
+            [servers[0].computed(work).await, servers[1].computed(work).await, servers[2].computed(work).await];
         if computed.iter().all(|computed| *computed > 0) && job["shards_done"].as_u64() > Some(9) {
             println!("killed at {} of {} shards, computed by each: {computed:?}", job["shards_done"], work.shards);
             break;
@@ -143,27 +173,38 @@ async fn three_servers_of_which_one_is_killed_come_to_the_result_of_one_alone() 
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
     let killed = servers.remove(1);
-    let computed_by_killed = killed.computed().await;
+    let computed_by_killed = killed.computed(work).await;
     killed.program.kill();
     let start = Instant::now();
     let job = servers[0].program.when(&place, is_final).await;
     println!("ended {:.1} s after one was killed", start.elapsed().as_secs_f64());
     assert_eq!(job["status"], "succeeded", "{job}");
-    let computed = computed_by_killed + servers[0].computed().await + servers[1].computed().await;
+    let computed = computed_by_killed + servers[0].computed(work).await + servers[1].computed(work).await;
     assert!((work.shards - 2..=work.shards + 2).contains(&computed), "{computed} shards were computed");
 
     let alone = Server::start(None);
-    let place_alone = alone.program.make(work.place, (work.form)()).await;
+    let place_alone = alone.program.make(work.place, work.body).await;
     assert_same(&job, &alone.program.when(&place_alone, is_final).await);
+    if work.kind == "calibration" {
+        // Times stand in reports of evaluations.
+        assert_eq!(
+            servers[0].text(&format!("{place}/report")).await,
+            alone.text(&format!("{place_alone}/report")).await
+        );
+        let camera = alone.program.get("/v1/cameras/found").await;
+        assert_eq!(
+            (&camera["width"], servers[0].program.get("/v1/cameras/found").await),
+            (&json!(640), camera.clone())
+        );
+    }
     servers.push(Server::start(Some(&database)));
-    let attachment = format!("{place}/{}", work.attachment);
-    let report = alone.text(&format!("{place_alone}/{}", work.attachment)).await;
-    assert!(report.contains("left02.jpg"));
+    let attachment = format!("{place}/report");
+    let report = servers[0].text(&attachment).await;
+    assert!(report.contains(work.reported));
     for server in &servers {
         assert_eq!(server.program.get(&place).await, job);
         assert_eq!(server.text(&attachment).await, report);
         assert_told_once(work, &server.text(&format!("{place}/events")).await);
-        assert_eq!(server.program.get("/v1/cameras/found").await, alone.program.get("/v1/cameras/found").await);
     }
     let client = Client::new();
     let removed = client.delete(format!("{}{place}", servers[2].program.base)).send().await.expect("an answer");
@@ -197,7 +238,8 @@ async fn what_one_server_is_told_the_others_do() {
         }
     }
 
-    let place = servers[0].program.make(CALIBRATIONS, (CALIBRATION.form)()).await;
+    let work = &CALIBRATION;
+    let place = servers[0].program.make(work.place, work.body).await;
     servers[1].program.when(&place, |job| job["shards_done"].as_u64() > Some(3)).await;
     let cancelled = client.delete(format!("{}{place}", servers[2].program.base)).send().await.expect("an answer");
     assert_eq!(cancelled.status(), StatusCode::ACCEPTED);
@@ -208,14 +250,14 @@ async fn what_one_server_is_told_the_others_do() {
     let computed = async || {
         let mut all = 0;
         for server in &servers {
-            all += server.computed().await;
+            all += server.computed(work).await;
         }
         all
     };
     let before = computed().await;
     tokio::time::sleep(Duration::from_secs(1)).await;
     assert_eq!(computed().await, before, "somebody goes on");
-    assert!(before < CALIBRATION.shards);
+    assert!(before < work.shards);
     assert_eq!(servers[1].program.get(&place).await, job);
 }
 
@@ -226,7 +268,7 @@ async fn a_database_that_goes_away_and_comes_back_is_waited_for() {
     let database = cluster.database().await;
     let server = Server::start(Some(&database));
     let work = &WALLS;
-    let place = server.program.make(work.place, (work.form)()).await;
+    let place = server.program.make(work.place, work.body).await;
     server.program.when(&place, |job| job["shards_done"].as_u64() > Some(3)).await;
     cluster.stop();
     server.becomes("/readyz", StatusCode::SERVICE_UNAVAILABLE).await;

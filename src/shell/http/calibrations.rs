@@ -9,10 +9,12 @@ use utoipa::ToSchema;
 
 use super::App;
 use super::error::ApiError;
-use super::extract::receive;
+use super::extract::{FormParts, receive};
 use super::jobs::{self, JobId};
 use crate::shell::service::calibration::CALIBRATION;
 use crate::shell::wire::{CalibrationRequest, JobEventWire, JobWire, Problem};
+
+const PARTS: FormParts = FormParts { files: &[("image", None)], request_is_optional: false };
 
 /// Pictures and what is asked of them as a form.
 #[derive(ToSchema)]
@@ -51,7 +53,7 @@ pub struct Calibrations {
 pub async fn post(State(app): State<App>, request: Request) -> Result<Response, ApiError> {
     let key = jobs::idempotency_key(request.headers())?;
     let mut intake = app.service.jobs().intake().await?;
-    let request: CalibrationRequest = receive(request, &app, &mut intake).await?;
+    let request: CalibrationRequest = receive(request, &app, PARTS, &mut intake).await?;
     request.check()?;
     let job = app.service.jobs().make(CALIBRATION, json!(request), intake, key).await?;
     Ok(jobs::accepted("/v1/calibrations", job))

@@ -13,7 +13,7 @@ use super::App;
 #[derive(OpenApi)]
 #[openapi(
     // The result stands in its job as JSON of any kind.
-    components(schemas(crate::shell::wire::calibration::CalibrationWire, crate::shell::wire::evaluation::EvaluationWire)),
+    components(schemas(crate::shell::wire::calibration::CalibrationWire, crate::shell::wire::evaluation::EvaluationWire, crate::shell::wire::recorded::RecordedWire)),
     info(
         title = "Skypose",
         description = "Six-degree-of-freedom pose of a marked UAV from the frames of a calibrated camera.\n\nUnits stand in the \

@@ -1,20 +1,22 @@
-//! `/v1/evaluations`: a study in, figures out, by and by.
+//! `/v1/evaluations`: a study or recorded frames in, figures out, by and by.
 
-use axum::Extension;
+use std::time::Instant;
+
 use axum::extract::rejection::QueryRejection;
-use axum::extract::{Query, State};
-use axum::http::HeaderMap;
+use axum::extract::{FromRequest, Query, Request, State};
+use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use utoipa::ToSchema;
 
 use super::App;
 use super::error::ApiError;
-use super::extract::Json;
+use super::extract::{FormParts, Json, receive};
 use super::jobs::{self, JobId};
-use super::layers::Deadline;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::evaluation::{CASES_CSV, CASES_JSON, EVALUATION};
+use crate::shell::wire::recorded::{RecordedRequest, SidecarWire};
 use crate::shell::wire::{EvaluationRequest, JobEventWire, JobWire, Problem};
 
 /// The evaluations.
@@ -24,29 +26,57 @@ pub struct Evaluations {
     pub evaluations: Vec<JobWire>,
 }
 
+/// Frames with their truth as a form.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "read by the document only")]
+struct RecordedForm {
+    /// The frames, each with the file name by which the truth names it: JPEG, PNG, WebP, BMP, TIFF or PNM.
+    #[schema(value_type = Vec<String>, format = Binary)]
+    frame: Vec<Vec<u8>>,
+    /// What they show.
+    truth: SidecarWire,
+    /// All of it in a zip or a tar instead, the truth as `truth.json`.
+    #[schema(value_type = Option<String>, format = Binary)]
+    archive: Option<Vec<u8>>,
+    /// What is asked, as JSON; may be left out.
+    request: Option<RecordedRequest>,
+}
+
+const PARTS: FormParts = FormParts {
+    files: &[("frame", None), ("truth", Some("truth.json")), ("archive", Some("archive"))],
+    request_is_optional: true,
+};
+
 /// Starts an evaluation.
 #[utoipa::path(
     post, path = "/v1/evaluations", tag = "Evaluations",
-    description = "Puts solvers to many simulated cases with known truth. The work is done afterwards, on as many threads and processes \
-        as there are; the figures are the same to the last digit whenever the same is asked, but for times. The result in the job is \
-        an `Evaluation`.",
+    description = "JSON: puts solvers to many simulated cases with known truth; the result in the job is an `Evaluation`. A form: puts recorded \
+        frames through the whole pipeline and holds what is found against their truth; the result is a `RecordedEvaluation`. The work is done \
+        afterwards, on as many threads and processes as there are; figures are the same to the last digit whenever the same is asked, but for \
+        times. Frames are removed when the evaluation has ended.",
     params(("Idempotency-Key" = Option<String>, Header, description = "The client's name for this request: sent again, it names the same job")),
-    request_body = EvaluationRequest,
+    request_body(content((EvaluationRequest = "application/json"), (RecordedForm = "multipart/form-data"))),
     responses(
         (status = 202, description = "Taken on", body = JobWire, headers(("Location" = String, description = "Where the job is"))),
         (status = 409, description = "The `Idempotency-Key` belongs to another request", body = Problem, content_type = "application/problem+json"),
+        (status = 413, description = "A frame, or all together, or their number is more than accepted", body = Problem, content_type = "application/problem+json"),
         (status = "4XX", description = "What is wrong with the request", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "Too many jobs; `Retry-After` says when to try again", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "Too many jobs or uploads; `Retry-After` says when to try again", body = Problem, content_type = "application/problem+json"),
     )
 )]
-pub async fn post(
-    State(app): State<App>,
-    Extension(Deadline(deadline)): Extension<Deadline>,
-    headers: HeaderMap,
-    Json(request): Json<EvaluationRequest>,
-) -> Result<Response, ApiError> {
-    let key = jobs::idempotency_key(&headers)?;
-    let job = app.service.evaluation(request, key, deadline).await?;
+pub async fn post(State(app): State<App>, request: Request) -> Result<Response, ApiError> {
+    let key = jobs::idempotency_key(request.headers())?;
+    let is_form =
+        request.headers().get(header::CONTENT_TYPE).is_some_and(|of| of.as_bytes().starts_with(b"multipart/"));
+    let job = if is_form {
+        let mut intake = app.service.jobs().intake().await?;
+        let asked: RecordedRequest = receive(request, &app, PARTS, &mut intake).await?;
+        app.service.jobs().make(EVALUATION, json!({"recorded": asked}), intake, key).await?
+    } else {
+        let Json(asked) = Json::<EvaluationRequest>::from_request(request, &app).await?;
+        let deadline = Instant::now() + app.service.settings().http.deadline();
+        app.service.evaluation(asked, key, deadline).await?
+    };
     Ok(jobs::accepted("/v1/evaluations", job))
 }
 

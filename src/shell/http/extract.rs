@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 
 pub use frame::FramePost;
 pub use query::FrameQuery;
-pub use upload::receive;
+pub use upload::{FormParts, receive};
 
 use super::App;
 use super::error::ApiError;

@@ -1,4 +1,5 @@
-//! Evaluations: a study in, figures with a report out. As a job, one shard for each contiguous part of the runs.
+//! Evaluations: a study in, figures with a report out. As a job, one shard for each contiguous part of the runs. Jobs of recorded
+//! frames are of the same kind; they are computed in `recorded`.
 
 pub mod cases;
 mod page;
@@ -11,6 +12,8 @@ use serde_json::{Value, json};
 
 use super::jobs::{Attachment, Cancel, Input, Kind, Outcome, REPORT, Shard};
 use super::lookup::Lookup;
+use super::recorded;
+use super::recorded::job::RecordedTerms;
 use crate::evaluate::numbers::Numbers;
 use crate::evaluate::{self, Figures, Study, plots};
 use crate::shell::fault::{Fault, FaultKind};
@@ -29,7 +32,15 @@ pub const CASES_JSON: &str = "cases.json";
 
 /// Evaluations.
 #[derive(Clone, Copy, Debug)]
-pub struct EvaluationKind;
+pub struct EvaluationKind {
+    /// What recorded frames may cost.
+    pub recorded: RecordedTerms,
+}
+
+/// Whether a job is about recorded frames; otherwise it is a study.
+fn is_recorded(input: &Input) -> bool {
+    input.request.get("recorded").is_some()
+}
 
 /// What comes of a study.
 #[derive(Debug)]
@@ -110,11 +121,17 @@ impl Kind for EvaluationKind {
     }
 
     fn shard_count(&self, input: &Input) -> Result<u32, Fault> {
+        if is_recorded(input) {
+            return recorded::job::shard_count(input, &self.recorded);
+        }
         let study = checked(&from_value(input.request.clone())?)?;
         u32::try_from(study.shards()).map_err(|error| Fault::new(FaultKind::TooLarge, error.to_string()))
     }
 
     fn run_shard(&self, input: &Input, number: u32, cancel: &Cancel) -> Result<Shard, Fault> {
+        if is_recorded(input) {
+            return recorded::job::run_shard(input, number, &self.recorded, cancel);
+        }
         let study = from_value::<EvaluationRequest>(input.request.clone())?.study()?;
         let clock = clock();
         let number = u64::from(number);
@@ -126,6 +143,9 @@ impl Kind for EvaluationKind {
     }
 
     fn finish(&self, input: &Input, shards: Vec<Value>, _cancel: &Cancel) -> Result<Outcome, Fault> {
+        if is_recorded(input) {
+            return recorded::job::finished(shards);
+        }
         let request: EvaluationRequest = from_value(input.request.clone())?;
         let study = request.study()?;
         let mut sums = evaluate::Shard::default();

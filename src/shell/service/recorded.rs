@@ -7,6 +7,7 @@
 mod archive;
 mod files;
 mod finish;
+pub mod job;
 mod labels;
 mod page;
 mod run;

@@ -10,6 +10,6 @@ pub use result::{
     PoseErrorsWire, RecordedWire, SpreadWire, SuiteTimingWire, TargetFiguresWire, TimingFiguresWire,
 };
 pub use sidecar::{
-    BoxWire, FrameTruthWire, MarkerState, MarkerTruthWire, Mode, PoseTruthWire, RotationTruthWire, Said, SidecarWire,
-    TargetTruthWire, VideoFrameWire, VideoTruthWire,
+    BoxWire, FrameTruthWire, MarkerState, MarkerTruthWire, Mode, PoseTruthWire, RecordedRequest, RotationTruthWire,
+    Said, SidecarWire, TargetTruthWire, VideoFrameWire, VideoTruthWire,
 };

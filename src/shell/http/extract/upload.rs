@@ -16,16 +16,30 @@ use crate::shell::http::error::ApiError;
 use crate::shell::service::jobs::Intake;
 use crate::shell::wire::from_json;
 
-/// Reads a form of parts `image`, any number, and one part `request`, in any order; the pictures go into the intake.
+/// Which parts a form has.
+#[derive(Clone, Copy, Debug)]
+pub struct FormParts {
+    /// Those that are files, any number of each, with the name that stands for one's own.
+    pub files: &'static [(&'static str, Option<&'static str>)],
+    /// Whether the part `request` may be left out.
+    pub request_is_optional: bool,
+}
+
+/// Reads a form of files and one part `request`, in any order; the files go into the intake.
 ///
 /// # Errors
 /// What is wrong with it. As much of the rest as is bearable is read before, so that the client hears of it.
-pub async fn receive<T: DeserializeOwned>(request: Request, app: &App, intake: &mut Intake) -> Result<T, ApiError> {
+pub async fn receive<T: DeserializeOwned>(
+    request: Request,
+    app: &App,
+    expected: FormParts,
+    intake: &mut Intake,
+) -> Result<T, ApiError> {
     let settings = app.service.settings();
     let essence = content_type(request.headers());
     if essence != "multipart/form-data" {
         let given = if essence.is_empty() { "no content type".into() } else { format!("content type {essence}") };
-        let detail = format!("{given}: pictures are posted as parts `image` of multipart/form-data");
+        let detail = format!("{given}: files are posted as parts {} of multipart/form-data", expected.names());
         return Err(Fault::new(FaultKind::NotAFrame, detail).into());
     }
     let (parts, body) = request.into_parts();
@@ -34,7 +48,7 @@ pub async fn receive<T: DeserializeOwned>(request: Request, app: &App, intake: &
     let mut form = Multipart::from_request(Request::from_parts(parts, body), app)
         .await
         .map_err(|error| Fault::new(FaultKind::Unreadable, format!("not a form: {}", error.body_text())))?;
-    match read(&mut form, intake, settings.http.max_json_bytes).await {
+    match read(&mut form, expected, intake, settings.http.max_json_bytes).await {
         Ok(bytes) => Ok(from_json(&bytes)?),
         Err(fault) => {
             // Parts that are not asked for their bytes are skipped.
@@ -45,25 +59,40 @@ pub async fn receive<T: DeserializeOwned>(request: Request, app: &App, intake: &
 }
 
 /// The bytes of the part `request`.
-async fn read(form: &mut Multipart, intake: &mut Intake, most: usize) -> Result<Vec<u8>, Fault> {
+async fn read(form: &mut Multipart, expected: FormParts, intake: &mut Intake, most: usize) -> Result<Vec<u8>, Fault> {
     let unreadable = |detail: String| Fault::new(FaultKind::Unreadable, detail);
     let mut request = None;
     while let Some(field) = form.next_field().await.map_err(|error| broken(&error))? {
-        match field.name().unwrap_or_default() {
-            "image" => picture(field, intake).await?,
+        let name = field.name().unwrap_or_default();
+        if let Some((_, own_name)) = expected.files.iter().find(|(part, _)| *part == name) {
+            file(field, *own_name, intake).await?;
+            continue;
+        }
+        match name {
             "request" if request.is_some() => return Err(unreadable("part \"request\" comes twice".into())),
             "request" => request = Some(small(field, most).await?),
-            other => return Err(unreadable(format!("part {other:?}: the parts are `image` and `request`"))),
+            other => {
+                return Err(unreadable(format!("part {other:?}: the parts are {} and `request`", expected.names())));
+            }
         }
     }
     if intake.count() == 0 {
-        return Err(unreadable("the form has no part `image`".into()));
+        return Err(unreadable(format!("the form has no part {}", expected.names())));
+    }
+    if expected.request_is_optional && request.is_none() {
+        return Ok(b"{}".to_vec());
     }
     request.ok_or_else(|| unreadable("the form has no part `request`".into()))
 }
 
-async fn picture(mut field: Field<'_>, intake: &mut Intake) -> Result<(), Fault> {
-    intake.begin(field.file_name()).await?;
+impl FormParts {
+    fn names(self) -> String {
+        self.files.iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+    }
+}
+
+async fn file(mut field: Field<'_>, own_name: Option<&str>, intake: &mut Intake) -> Result<(), Fault> {
+    intake.begin(own_name.or(field.file_name())).await?;
     while let Some(chunk) = field.chunk().await.map_err(|error| broken(&error))? {
         intake.write(&chunk).await?;
     }

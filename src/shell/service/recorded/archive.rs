@@ -11,7 +11,7 @@ use crate::shell::fault::{Fault, FaultKind};
 const MOST_FILES: usize = 100_000;
 
 /// Most bytes of all its files together: a packed bomb ends here, an hour of video does not.
-const MOST_BYTES: u64 = 16 << 30;
+pub(super) const MOST_BYTES: u64 = 16 << 30;
 
 /// The files of an archive. They go when this does.
 #[derive(Debug)]
@@ -36,8 +36,8 @@ fn internal(error: &io::Error) -> Fault {
     Fault::new(FaultKind::Internal, format!("the archive cannot be unpacked: {error}"))
 }
 
-/// The files of an archive; `None` if it is none.
-pub(super) fn unpack(path: &Path) -> Result<Option<Unpacked>, Fault> {
+/// The files of an archive, so many bytes of them; `None` if it is none.
+pub(super) fn unpack(path: &Path, most_bytes: u64) -> Result<Option<Unpacked>, Fault> {
     let mut file = File::open(path).map_err(unreadable)?;
     let mut head = Vec::new();
     file.by_ref().take(512).read_to_end(&mut head).map_err(unreadable)?;
@@ -48,7 +48,7 @@ pub(super) fn unpack(path: &Path) -> Result<Option<Unpacked>, Fault> {
     if !is_zip && !is_tar {
         return Ok(None);
     }
-    let mut unpacked = Unpacked::new(MOST_BYTES)?;
+    let mut unpacked = Unpacked::new(most_bytes)?;
     if is_zip {
         unpacked.take_zip(file)?;
     } else {
@@ -65,6 +65,27 @@ impl Unpacked {
         std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
         builder.create(&folder).map_err(|error| internal(&error))?;
         Ok(Self { folder, files: BTreeMap::new(), bytes_left: most_bytes })
+    }
+
+    /// A folder with nothing in it yet.
+    pub(super) fn empty() -> Result<Self, Fault> {
+        Self::new(MOST_BYTES)
+    }
+
+    /// A file of this name will be there under this number.
+    pub(super) fn name(&mut self, name: &str, number: usize) {
+        self.files.insert(name.into(), self.place(number));
+    }
+
+    /// File number `number`, whole.
+    pub(super) fn put(&mut self, number: usize, bytes: &[u8]) -> Result<PathBuf, Fault> {
+        let path = self.place(number);
+        std::fs::write(&path, bytes).map_err(|error| internal(&error))?;
+        Ok(path)
+    }
+
+    fn place(&self, number: usize) -> PathBuf {
+        self.folder.join(format!("{number:06}"))
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
@@ -139,7 +160,7 @@ mod tests {
     #[test]
     fn names_lead_nowhere_and_nothing_is_left() {
         let file = tar_of(&[("truth.json", b"{}"), ("../../escaped", b"out"), ("/absolute", b"out")]);
-        let unpacked = unpack(file.path()).expect("reads").expect("an archive");
+        let unpacked = unpack(file.path(), MOST_BYTES).expect("reads").expect("an archive");
         assert_eq!(unpacked.names().collect::<Vec<_>>(), ["../../escaped", "/absolute", "truth.json"]);
         let folder = unpacked.folder.clone();
         assert!(unpacked.files().values().all(|path| path.parent() == Some(folder.as_path())));
@@ -160,8 +181,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a");
         std::fs::write(&path, b"P6 1 1 255 abc").expect("writes");
-        assert!(unpack(&path).expect("reads").is_none());
+        assert!(unpack(&path, MOST_BYTES).expect("reads").is_none());
         std::fs::write(&path, b"PK\x03\x04 and no more").expect("writes");
-        assert_eq!(unpack(&path).expect_err("half").kind, FaultKind::Unreadable);
+        assert_eq!(unpack(&path, MOST_BYTES).expect_err("half").kind, FaultKind::Unreadable);
     }
 }

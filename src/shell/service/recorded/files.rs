@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
-use super::archive::{self, Unpacked};
+use super::archive::{self, MOST_BYTES, Unpacked};
 use crate::shell::fault::{Fault, FaultKind};
 
 /// The truth of the project's own form.
@@ -48,6 +48,14 @@ impl Files {
     /// # Errors
     /// No such thing, or no truth in it.
     pub fn open(path: &Path) -> Result<Self, Fault> {
+        Self::open_within(path, MOST_BYTES)
+    }
+
+    /// The same with at most so many bytes of an archive.
+    ///
+    /// # Errors
+    /// No such thing, no truth in it, or more bytes.
+    pub fn open_within(path: &Path, most_bytes: u64) -> Result<Self, Fault> {
         let metadata = path.metadata().map_err(|error| missing(error.to_string()))?;
         if metadata.is_dir() {
             let truth = [TRUTH, LABELS].into_iter().find(|name| path.join(name).is_file()).ok_or_else(|| {
@@ -55,7 +63,7 @@ impl Files {
             })?;
             return Ok(Self { place: Place::Folder(path.into()), prefix: String::new(), truth: truth.into() });
         }
-        if let Some(unpacked) = archive::unpack(path)? {
+        if let Some(unpacked) = archive::unpack(path, most_bytes)? {
             let (prefix, truth) = truth_among(unpacked.names())?;
             return Ok(Self { place: Place::Unpacked(unpacked), prefix, truth });
         }

@@ -43,6 +43,12 @@ impl Unit {
         &self.name
     }
 
+    /// Whether it is a video.
+    #[must_use]
+    pub const fn is_video(&self) -> bool {
+        matches!(self.content, Content::Video(_))
+    }
+
     /// Frames with truth.
     #[must_use]
     pub fn frame_count(&self) -> usize {

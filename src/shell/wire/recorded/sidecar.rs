@@ -385,6 +385,15 @@ impl Said<'_> {
     }
 }
 
+/// How recorded frames are looked at.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedRequest {
+    /// Taken for all frames, whatever their truth names.
+    #[serde(default)]
+    pub detector: Option<DetectorWire>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
