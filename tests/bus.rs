@@ -277,6 +277,27 @@ async fn of_a_flood_the_newest_wins_and_the_rest_is_counted() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_seen_again_and_again_is_a_track() {
+    let swarm = Swarm::start(|_| {}).await;
+    let tracks = swarm.listen("track").await;
+    let mut told = Value::Null;
+    for sequence in 0..6 {
+        let note = json!({"sequence": sequence, "timestamp_us": now_us()});
+        swarm.send(jpeg(), Encoding::IMAGE_JPEG, &note).await;
+        told = json_of(next(&tracks).await.payload());
+        assert_eq!(told["timestamp_us"], note["timestamp_us"]);
+    }
+    let track = &told["tracks"][0];
+    assert_eq!((&track["life"], &track["seen_count"]), (&json!("confirmed"), &json!(6)), "{told}");
+    assert_eq!(told["tracks"].as_array().map(Vec::len), Some(1));
+    // The frame is the same each time, and so is its error: the range is as good as in one frame.
+    let range_m = station::truth().translation.norm();
+    assert!((track["motion"]["range_m"].as_f64().expect("a number") / range_m - 1.0).abs() < 0.01, "{told}");
+    // It stands still, so nothing comes nearer that is known of.
+    assert_eq!(track["motion"]["closest_approach"], Value::Null);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_is_too_old_is_not_answered() {
     let swarm = Swarm::start(|settings| settings.zenoh.max_age_ms = 2000).await;
     let estimates = swarm.listen("estimate").await;

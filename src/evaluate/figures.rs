@@ -370,7 +370,9 @@ mod tests {
                 let [low, high] = rms.interval.expect("a hundred blocks");
                 assert!(low <= rms.value && rms.value <= high);
                 // Those without a pose are the worst.
-                errors.iter_mut().for_each(|error| *error = error.abs());
+                for error in &mut errors {
+                    *error = error.abs();
+                }
                 errors.resize(100, f64::INFINITY);
                 errors.sort_by(f64::total_cmp);
                 let median = f64::midpoint(errors[49], errors[50]);

@@ -27,6 +27,7 @@ pub enum Method {
 
 /// What a method says.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "one is made and looked at at a time")]
 pub enum Said {
     /// A pose and nothing else.
     Pose(CameraFromTarget),

@@ -70,7 +70,9 @@ fn runs(sums: &Shard, step: &StepFigures, method: usize) -> Option<Picture> {
     let times: Vec<(f64, f64)> =
         rows.iter().filter_map(|row| Some((row.run as f64 + 1.0, row.time_s()? * 1e6))).collect();
     let mut moments = super::moments::Moments::default();
-    times.iter().for_each(|(_, time)| moments.add(*time));
+    for (_, time) in &times {
+        moments.add(*time);
+    }
     panels.push(panel("time".into(), Axis::logarithmic("time (us)"), times, Some(moments.mean), moments.deviation()));
     let name = &figures.method;
     Some(Picture {

@@ -172,7 +172,9 @@ mod tests {
         let values: Vec<f64> = (0..5_000).map(|_| random::normal(&mut rng).exp()).collect();
         for count in [1, 2, 101, 1_000, 5_000] {
             let mut sketch = Quantiles::default();
-            values[..count].iter().for_each(|value| sketch.add(*value));
+            for value in &values[..count] {
+                sketch.add(*value);
+            }
             let mut sorted = values[..count].to_vec();
             sorted.sort_by(f64::total_cmp);
             for share in [0.0, 0.05, 0.5, 0.95, 1.0] {
@@ -191,7 +193,9 @@ mod tests {
         let values: Vec<f64> = (0..3_000).map(|_| random::normal(&mut rng).abs()).collect();
         let of = |values: &[f64]| {
             let mut sketch = Quantiles::default();
-            values.iter().for_each(|value| sketch.add(*value));
+            for value in values {
+                sketch.add(*value);
+            }
             sketch
         };
         let whole = of(&values);
@@ -200,7 +204,9 @@ mod tests {
         for _ in 0..2 {
             parts.reverse();
             let mut merged = Quantiles::default();
-            parts.iter().for_each(|part| merged.merge(part));
+            for part in &parts {
+                merged.merge(part);
+            }
             assert_eq!(merged, whole);
             let mut numbers = Vec::new();
             merged.write(&mut numbers);
@@ -211,7 +217,9 @@ mod tests {
     #[test]
     fn the_missing_are_the_largest() {
         let mut sketch = Quantiles::default();
-        [1.0, 2.0, 3.0].iter().for_each(|value| sketch.add(*value));
+        for value in &[1.0, 2.0, 3.0] {
+            sketch.add(*value);
+        }
         assert_eq!(sketch.at(&[0.5, 0.95], 5), [Some(3.0), None]);
         assert_eq!(Quantiles::default().at(&[0.5], 0), [None]);
     }

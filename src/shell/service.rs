@@ -7,9 +7,10 @@ pub mod jobs;
 pub mod lookup;
 pub mod recorded;
 pub mod sequences;
+pub mod tracks;
 pub mod workers;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -20,6 +21,7 @@ use super::fault::Fault;
 use super::store::jobs::Job;
 use super::store::{Kind as Thing, Store, Stored};
 use super::wire::sighting::SequenceWire;
+use super::wire::track::TracksWire;
 use super::wire::{
     AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EstimateReply, EvaluationRequest, FrameRequest,
     NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply, PoseRequest, StreamWire, Streams,
@@ -32,6 +34,7 @@ use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
 use recorded::job::RecordedTerms;
 use sequences::Sequences;
+use tracks::Tracks;
 use workers::Workers;
 
 /// The service without its doors.
@@ -261,6 +264,29 @@ impl Service {
         let work = move || {
             let (frame, estimate, timing) = task.estimated(&frame, &terms)?;
             Ok(task.estimate_reply(&frame, &estimate, timing))
+        };
+        self.workers.run(deadline, work).await?
+    }
+
+    /// The same, and what is followed in the frames of the camera, of which this one was taken at `timestamp_us`.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or that the service is full.
+    pub async fn estimate_followed(
+        &self,
+        frame: Bytes,
+        request: FrameRequest,
+        deadline: Instant,
+        tracks: Arc<Mutex<Tracks>>,
+        timestamp_us: i64,
+    ) -> Result<(EstimateReply, Option<TracksWire>), Fault> {
+        let terms = Terms::of(&self.settings);
+        let task = compute::FrameTask::for_estimate(request, &self.lookup()).await?;
+        let work = move || {
+            let (frame, estimate, timing) = task.estimated(&frame, &terms)?;
+            let mut tracks = tracks.lock().unwrap_or_else(PoisonError::into_inner);
+            let followed = tracks.step(timestamp_us, task.targets(), &estimate.targets)?;
+            Ok((task.estimate_reply(&frame, &estimate, timing), followed))
         };
         self.workers.run(deadline, work).await?
     }

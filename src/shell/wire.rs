@@ -21,6 +21,7 @@ pub mod sighting;
 pub mod stream;
 pub mod swarm;
 pub mod target;
+pub mod track;
 
 use serde::de::DeserializeOwned;
 

@@ -8,6 +8,7 @@ use utoipa::ToSchema;
 use super::keys::{ALIVE_CAMERA, ALIVE_NODE, CAMERA, Call, RPC, Topic};
 use crate::shell::config::ZenohSettings;
 use crate::shell::wire::swarm::{CameraStatus, EstimateNote, FrameNote};
+use crate::shell::wire::track::TracksWire;
 
 /// The document, YAML.
 #[must_use]
@@ -158,6 +159,11 @@ fn messages() -> Value {
         "estimate",
         json!({"summary": "What the frame shows.", "headers": own(&EstimateNote::name()), "payload": of_http("EstimateReply")}),
     );
+    add(
+        "track",
+        json!({"summary": "What targets do over time, after a frame; nothing after one that is not younger than the last.",
+               "headers": own(&EstimateNote::name()), "payload": own(&TracksWire::name())}),
+    );
     add("status", json!({"summary": "What has become of the frames.", "payload": own(&CameraStatus::name())}));
     add("problem", json!({"contentType": "application/problem+json", "payload": of_http("Problem")}));
     for (call, request, headers, reply) in [
@@ -185,6 +191,7 @@ fn schemas() -> Value {
     for (name, schema, collect) in [
         (FrameNote::name(), <FrameNote as utoipa::PartialSchema>::schema(), FrameNote::schemas as fn(&mut Vec<_>)),
         (EstimateNote::name(), <EstimateNote as utoipa::PartialSchema>::schema(), EstimateNote::schemas),
+        (TracksWire::name(), <TracksWire as utoipa::PartialSchema>::schema(), TracksWire::schemas),
         (CameraStatus::name(), <CameraStatus as utoipa::PartialSchema>::schema(), CameraStatus::schemas),
     ] {
         found.push((name.into_owned(), schema));

@@ -16,7 +16,9 @@ use super::payload::bytes_of;
 use crate::shell::config::ZenohSettings;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::Service;
+use crate::shell::service::tracks::Tracks;
 use crate::shell::wire::swarm::{CameraStatus, EstimateNote, FrameNote, Ledger};
+use crate::shell::wire::track::TracksWire;
 use crate::shell::wire::{EstimateReply, FrameRequest, Problem, from_json};
 
 /// Largest attachment that is read, bytes.
@@ -41,6 +43,7 @@ pub(super) struct Camera {
     status: Mutex<CameraStatus>,
     has_news: Notify,
     heard: Mutex<Instant>,
+    tracks: Arc<Mutex<Tracks>>,
 }
 
 /// What became of a frame that had its turn.
@@ -60,6 +63,7 @@ impl Camera {
             status: Mutex::new(status),
             has_news: Notify::new(),
             heard: Mutex::new(Instant::now()),
+            tracks: Arc::default(),
         }
     }
 
@@ -132,17 +136,17 @@ impl Camera {
         };
         let settings = service.settings().zenoh.clone();
         tokio::select! {
-            () = self.work(&service, &settings, &outlets.estimate) => {}
+            () = self.work(&service, &settings, &outlets) => {}
             () = self.tell(&settings, &outlets.status) => {}
             _ = stopping.wait_for(|is_stopping| *is_stopping) => {}
         }
     }
 
-    async fn work(&self, service: &Arc<Service>, settings: &ZenohSettings, outlet: &Publisher<'static>) {
+    async fn work(&self, service: &Arc<Service>, settings: &ZenohSettings, outlets: &Outlets) {
         loop {
             self.has_frame.notified().await;
             let Some(arrival) = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take() else { continue };
-            let outcome = self.answer(arrival, service, settings.max_age(), outlet).await;
+            let outcome = self.answer(arrival, service, settings.max_age(), outlets).await;
             let mut status = self.open();
             match outcome {
                 Ok(Outcome::Published) => {
@@ -168,7 +172,7 @@ impl Camera {
         arrival: Arrival,
         service: &Arc<Service>,
         max_age: Duration,
-        outlet: &Publisher<'static>,
+        outlets: &Outlets,
     ) -> Result<Outcome, Fault> {
         // Its age when it came, by the clocks of two machines, and since then by our own.
         let before = arrival.note.timestamp_us.map_or(Duration::ZERO, |taken_us| {
@@ -186,15 +190,18 @@ impl Camera {
             ..service.stream(&self.name).await?.into()
         };
         let deadline = Instant::now() + left;
-        let reply = match service.estimate(bytes_of(&arrival.payload), request, deadline).await {
+        let taken_us = note.timestamp_us.unwrap_or(arrival.at_us);
+        let tracks = Arc::clone(&self.tracks);
+        let followed = service.estimate_followed(bytes_of(&arrival.payload), request, deadline, tracks, taken_us).await;
+        let (reply, tracks) = match followed {
             Err(fault) if fault.kind == FaultKind::DeadlineExceeded => return Ok(Outcome::Late),
-            reply => reply?,
+            followed => followed?,
         };
         if Instant::now() > deadline {
             return Ok(Outcome::Late);
         }
         let answered = micros(arrival.at.elapsed());
-        self.publish(&arrival, &reply, answered, outlet).await?;
+        self.publish(&arrival, &reply, tracks.as_ref(), answered, outlets).await?;
         Ok(Outcome::Published)
     }
 
@@ -202,8 +209,9 @@ impl Camera {
         &self,
         arrival: &Arrival,
         reply: &EstimateReply,
+        tracks: Option<&TracksWire>,
         answered: u64,
-        outlet: &Publisher<'static>,
+        outlets: &Outlets,
     ) -> Result<(), Fault> {
         let internal = |error: &dyn std::fmt::Display| Fault::new(FaultKind::Internal, error.to_string());
         let payload = serde_json::to_vec(reply).map_err(|error| internal(&error))?;
@@ -214,7 +222,10 @@ impl Camera {
             latency_us: Ledger::of(&reply.timing_us, answered, micros(arrival.at.elapsed())),
         };
         let note = serde_json::to_vec(&note).map_err(|error| internal(&error))?;
-        outlet.put(payload).attachment(note).await.map_err(|error| internal(&error))
+        outlets.estimate.put(payload).attachment(note.clone()).await.map_err(|error| internal(&error))?;
+        let Some(tracks) = tracks else { return Ok(()) };
+        let payload = serde_json::to_vec(tracks).map_err(|error| internal(&error))?;
+        outlets.track.put(payload).attachment(note).await.map_err(|error| internal(&error))
     }
 
     async fn tell(&self, settings: &ZenohSettings, outlet: &Publisher<'static>) {
@@ -243,6 +254,7 @@ impl Camera {
 /// Where is published.
 struct Outlets {
     estimate: Publisher<'static>,
+    track: Publisher<'static>,
     status: Publisher<'static>,
 }
 
@@ -250,15 +262,17 @@ impl Outlets {
     async fn declare(session: &Session, keys: &Keys, node: &str, camera: &str) -> Result<Self, Fault> {
         let failed = |error: zenoh::Error| Fault::new(FaultKind::Internal, error.to_string());
         // Before everything else, at once, and on a link that loses nothing; but rather dropped than waited for.
-        let estimate = session
-            .declare_publisher(keys.camera(node, camera, Topic::Estimate)?)
-            .encoding(Encoding::APPLICATION_JSON)
-            .priority(Priority::RealTime)
-            .express(true)
-            .congestion_control(CongestionControl::Drop)
-            .reliability(Reliability::Reliable)
-            .await
-            .map_err(failed)?;
+        let for_control = async |topic| {
+            let publisher = session
+                .declare_publisher(keys.camera(node, camera, topic)?)
+                .encoding(Encoding::APPLICATION_JSON)
+                .priority(Priority::RealTime)
+                .express(true)
+                .congestion_control(CongestionControl::Drop)
+                .reliability(Reliability::Reliable);
+            publisher.await.map_err(failed)
+        };
+        let (estimate, track) = (for_control(Topic::Estimate).await?, for_control(Topic::Track).await?);
         let status = session
             .declare_publisher(keys.camera(node, camera, Topic::Status)?)
             .encoding(Encoding::APPLICATION_JSON)
@@ -266,7 +280,7 @@ impl Outlets {
             .congestion_control(CongestionControl::Drop)
             .await
             .map_err(failed)?;
-        Ok(Self { estimate, status })
+        Ok(Self { estimate, track, status })
     }
 }
 

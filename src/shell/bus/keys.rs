@@ -23,13 +23,15 @@ pub enum Topic {
     Frame,
     /// What they show.
     Estimate,
+    /// What targets do over time.
+    Track,
     /// What has become of them.
     Status,
 }
 
 impl Topic {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Frame, Self::Estimate, Self::Status];
+    pub const ALL: [Self; 4] = [Self::Frame, Self::Estimate, Self::Track, Self::Status];
 
     /// Its place in the key.
     #[must_use]
@@ -37,6 +39,7 @@ impl Topic {
         match self {
             Self::Frame => "frame",
             Self::Estimate => "estimate",
+            Self::Track => "track",
             Self::Status => "status",
         }
     }

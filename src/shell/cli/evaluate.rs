@@ -40,8 +40,8 @@ pub(super) struct Evaluate {
     /// epnp+robust), or what the service does when it is free to choose (auto, auto+robust).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     solvers: Option<Vec<String>>,
-    /// One parameter of a study at several values: points, range_m, tilt_rad, max_angle_rad, pixel_sigma_px, outlier_ratio,
-    /// missing_ratio, quantisation_px, focal_error_ratio or center_error_px.
+    /// One parameter of a study at several values: `points`, `range_m`, `tilt_rad`, `max_angle_rad`, `pixel_sigma_px`, `outlier_ratio`,
+    /// `missing_ratio`, `quantisation_px`, `focal_error_ratio` or `center_error_px`.
     #[arg(long, value_name = "PARAMETER=V,V,...")]
     sweep: Option<String>,
     /// Take this detector for all recorded frames, whatever their truth names: JSON as in the API, such as

@@ -60,6 +60,7 @@ const fn seed() -> u64 {
 /// A study, or the name of one: what the API document calls it.
 #[derive(ToSchema)]
 #[serde(untagged)]
+#[expect(clippy::large_enum_variant, reason = "read by the document only")]
 pub enum StudyOrName {
     /// `thesis-2012`.
     Name(String),

@@ -1,5 +1,6 @@
 //! Points to pose: request and reply of `POST /v1/poses`.
 
+use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -196,22 +197,28 @@ pub struct RotationWire {
     pub yaw_rad: f64,
 }
 
+impl From<&Rotation3<f64>> for RotationWire {
+    fn from(turn: &Rotation3<f64>) -> Self {
+        let quaternion = rotation::to_quaternion(turn);
+        let euler = EulerAngles::from_rotation(turn);
+        let matrix = turn.matrix();
+        Self {
+            quaternion_xyzw: [quaternion.i, quaternion.j, quaternion.k, quaternion.w],
+            matrix: std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)])),
+            roll_rad: euler.roll_rad,
+            pitch_rad: euler.pitch_rad,
+            yaw_rad: euler.yaw_rad,
+        }
+    }
+}
+
 impl From<&PoseEstimate> for PoseWire {
     fn from(estimate: &PoseEstimate) -> Self {
         let pose = &estimate.camera_from_target;
-        let quaternion = rotation::to_quaternion(&pose.rotation);
-        let euler = EulerAngles::from_rotation(&pose.rotation);
         let direction = Direction::of(Point::from(pose.translation));
-        let matrix = pose.rotation.matrix();
         let covariance = estimate.covariance.matrix();
         Self {
-            rotation: RotationWire {
-                quaternion_xyzw: [quaternion.i, quaternion.j, quaternion.k, quaternion.w],
-                matrix: std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)])),
-                roll_rad: euler.roll_rad,
-                pitch_rad: euler.pitch_rad,
-                yaw_rad: euler.yaw_rad,
-            },
+            rotation: RotationWire::from(&pose.rotation),
             translation_m: pose.translation.into(),
             range_m: direction.range_m,
             azimuth_rad: direction.azimuth_rad,
