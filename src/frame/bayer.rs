@@ -3,6 +3,10 @@
 //! Malvar, He and Cutler 2004, "High-quality linear interpolation for demosaicing of Bayer-patterned color images": bilinear
 //! interpolation corrected by the Laplacian of the colour that is known at the pixel, 5 x 5, in eighths.
 
+use std::ops::Range;
+
+use super::Region;
+
 /// Which colours the top left 2 x 2 pixels carry, row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mosaic {
@@ -44,19 +48,27 @@ impl Mosaic {
     }
 }
 
-/// Interleaved RGB from one sample a pixel. `samples` holds `width * height` bytes.
+/// Interleaved RGB from one sample a pixel, computed within `part`, which lies on the picture; black elsewhere. `samples` holds
+/// `width * height` bytes.
 #[must_use]
-pub fn demosaic(mosaic: Mosaic, width: usize, height: usize, samples: &[u8]) -> Vec<u8> {
-    let mut rgb = Vec::with_capacity(width * height * 3);
-    for y in 0..height {
-        let near_border = |x| at_border(mosaic, [width, height], samples, x, y);
-        if y < REACH || y + REACH >= height || width <= 2 * REACH {
-            rgb.extend((0..width).flat_map(near_border));
+pub fn demosaic(mosaic: Mosaic, width: usize, height: usize, samples: &[u8], part: Region) -> Vec<u8> {
+    let mut rgb = vec![0; width * height * 3];
+    let (left, right) = (part.x as usize, (part.x + part.width) as usize);
+    // Columns that have all their neighbours.
+    let (first, last) = (left.max(REACH), right.min(width.saturating_sub(REACH)));
+    for y in part.y as usize..(part.y + part.height) as usize {
+        let mut border = |columns: Range<usize>| {
+            for x in columns {
+                rgb[(y * width + x) * 3..][..3].copy_from_slice(&at_border(mosaic, [width, height], samples, x, y));
+            }
+        };
+        if y < REACH || y + REACH >= height || first >= last {
+            border(left..right);
             continue;
         }
-        rgb.extend((0..REACH).flat_map(near_border));
-        inside(mosaic, width, samples, y, &mut rgb);
-        rgb.extend((width - REACH..width).flat_map(near_border));
+        border(left..first);
+        border(last..right);
+        inside(mosaic, width, samples, y, first..last, &mut rgb[(y * width + first) * 3..(y * width + last) * 3]);
     }
     rgb
 }
@@ -74,18 +86,20 @@ fn at_border(mosaic: Mosaic, [width, height]: [usize; 2], samples: &[u8], x: usi
     colour(mosaic.site(x, y), &at)
 }
 
-/// The pixels of a row that have all their neighbours.
-fn inside(mosaic: Mosaic, width: usize, samples: &[u8], y: usize, rgb: &mut Vec<u8>) {
-    let row = |above: usize| samples[(y + above - REACH) * width..][..width].windows(2 * REACH + 1);
-    let columns = row(0).zip(row(1)).zip(row(2)).zip(row(3)).zip(row(4));
-    let sites = [mosaic.site(REACH, y), mosaic.site(REACH + 1, y)];
-    for (((((a, b), c), d), e), site) in columns.zip(sites.into_iter().cycle()) {
+/// The pixels of a row in columns that have all their neighbours.
+fn inside(mosaic: Mosaic, width: usize, samples: &[u8], y: usize, columns: Range<usize>, rgb: &mut [u8]) {
+    let around = columns.start - REACH..columns.end + REACH;
+    let row = |above: usize| samples[(y + above - REACH) * width..][around.clone()].windows(2 * REACH + 1);
+    let windows = row(0).zip(row(1)).zip(row(2)).zip(row(3)).zip(row(4));
+    let sites = [mosaic.site(columns.start, y), mosaic.site(columns.start + 1, y)];
+    let pixels = rgb.chunks_exact_mut(3).zip(sites.into_iter().cycle());
+    for (((((a, b), c), d), e), (pixel, site)) in windows.zip(pixels) {
         let five = |row: &[u8]| <[u8; 5]>::try_from(row).unwrap_or_default();
         let window = [five(a), five(b), five(c), five(d), five(e)];
         let at = |dx: isize, dy: isize| {
             i32::from(window[REACH.wrapping_add_signed(dy) % 5][REACH.wrapping_add_signed(dx) % 5])
         };
-        rgb.extend(colour(site, &at));
+        pixel.copy_from_slice(&colour(site, &at));
     }
 }
 
@@ -143,6 +157,15 @@ fn mirrored(position: usize, offset: isize, length: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn demosaic(mosaic: Mosaic, width: usize, height: usize, samples: &[u8]) -> Vec<u8> {
+        super::demosaic(mosaic, width, height, samples, whole(width, height))
+    }
+
+    fn whole(width: usize, height: usize) -> Region {
+        let side = |side: usize| u32::try_from(side).expect("small");
+        Region { x: 0, y: 0, width: side(width), height: side(height) }
+    }
 
     const ALL: [Mosaic; 4] = [Mosaic::Rggb, Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg];
 
