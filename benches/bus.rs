@@ -106,8 +106,10 @@ async fn latency() {
     ]));
     let client = join(&echo_endpoint, Role::Connect, true).await.expect("connects");
     let answers = client.declare_subscriber("echo/answer").await.expect("listens");
-    // Until the declarations have crossed.
-    while tokio::time::timeout(Duration::from_millis(100), bounced(&client, &answers, &frames[0])).await.is_err() {}
+    // Until the declarations have crossed, and answers that came too late are gone.
+    while tokio::time::timeout(Duration::from_millis(200), bounced(&client, &answers, &frames[0])).await.is_err() {}
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    while let Ok(Some(_)) = answers.try_recv() {}
     let mut rounds = Vec::new();
     for round in 0..WARM_UP + ROUNDS {
         for frame in &frames {
