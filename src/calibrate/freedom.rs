@@ -54,6 +54,18 @@ impl Freedom {
         Self { directions: ByParameter::zeros(), count: 0 }
     }
 
+    /// The same without what moves this parameter or a later one.
+    pub fn below(&self, parameter: usize) -> Self {
+        let mut fewer = Self::none();
+        for column in self.directions.column_iter().take(self.count) {
+            if column.rows_range(parameter..).iter().all(|part| *part == 0.0) {
+                fewer.directions.set_column(fewer.count, &column);
+                fewer.count += 1;
+            }
+        }
+        fewer
+    }
+
     fn push(&mut self, parts: &[(usize, f64)]) {
         for &(parameter, part) in parts {
             self.directions[(parameter, self.count)] = part;

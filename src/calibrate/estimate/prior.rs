@@ -9,8 +9,11 @@ use crate::camera::{Camera, Distortion};
 /// Standard deviation of a lens' term at the picture's corner before anything is seen, in units of the ray's own length.
 const TERM: f64 = 1.0;
 
-/// The same for terms below the fraction bar of a rational lens: beside those above, small ones do as well as large ones.
-const DENOMINATOR_TERM: f64 = 0.6;
+/// The same for the first term below the fraction bar of a rational lens, and by how much that of each further one is smaller, as those
+/// of a series are: beside the terms above, small ones do as well as large ones. Where all together bring what is below the bar near
+/// zero, terms mean something else than where the truth has them, and no covariance of theirs holds.
+const DENOMINATOR_TERM: f64 = 0.45;
+const DENOMINATOR_FALL: f64 = 0.6;
 
 /// What is known of a lens before anything is seen. `scale` is the noise of the residuals in their units.
 pub(in crate::calibrate) fn prior(camera: &Camera, scale: f64) -> Parameters {
@@ -24,8 +27,13 @@ pub(in crate::calibrate) fn prior(camera: &Camera, scale: f64) -> Parameters {
     };
     let mut prior = Parameters::zeros();
     for (index, power) in powers.into_iter().enumerate().take(camera.distortion().coefficients().len()) {
-        let is_denominator = matches!(camera.distortion(), Distortion::RationalPolynomial(_)) && index >= 5;
-        let deviation = if is_denominator { DENOMINATOR_TERM } else { TERM };
+        let is_rational = matches!(camera.distortion(), Distortion::RationalPolynomial(_));
+        let deviation = match index {
+            5 if is_rational => DENOMINATOR_TERM,
+            6 if is_rational => DENOMINATOR_TERM * DENOMINATOR_FALL,
+            7 if is_rational => DENOMINATOR_TERM * DENOMINATOR_FALL * DENOMINATOR_FALL,
+            _ => TERM,
+        };
         prior[4 + index] = square.powi(power) * (scale / deviation).powi(2);
     }
     prior

@@ -12,6 +12,9 @@ use crate::geometry::CameraFromBoard;
 /// A fit that leaves more than this, px, is none.
 const MAX_RMS_PX: f64 = 8.0;
 
+/// Of the parameters, the first that stands below a fraction bar; only rational lenses have it.
+const FIRST_DENOMINATOR: usize = 9;
+
 /// Median of the distance of a point in a plane, in standard deviations per axis.
 pub(super) const MEDIAN_DISTANCE: f64 = 1.177_41;
 
@@ -75,17 +78,21 @@ fn robust_fit_from(bundle: &Bundle<'_>, camera: &Camera, poses: Vec<Option<Camer
     let aspect = camera.focal_lengths()[0] / camera.focal_lengths()[1];
     let mut fit = Bundle { views: &views, freedom: Freedom::of(&bundle.lens, &held, aspect), ..*bundle };
     let mut scale = f64::INFINITY;
-    for round in 0..8 {
+    for round in 0..9 {
         let before = scale;
         scale = noise_of(&fit, &state)?.0;
         fit.prior = prior(camera, scale);
         // The first round is far off: everything is an outlier.
         fit.loss = Loss::Cauchy { c: 2.5 * scale.max(1e-9) };
         state = fit.refined(state)?;
+        // Then all but what stands below a fraction bar: from afar such terms run to where they may go no further, and stay there.
         if round == 1 {
+            fit.freedom = bundle.freedom.below(FIRST_DENOMINATOR);
+        }
+        if round == 2 {
             fit.freedom = bundle.freedom;
         }
-        if round > 2 && (before / scale - 1.0).abs() < 0.02 {
+        if round > 3 && (before / scale - 1.0).abs() < 0.02 {
             break;
         }
     }
