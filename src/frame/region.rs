@@ -32,6 +32,24 @@ impl Region {
         Ok(self)
     }
 
+    /// The smallest region that holds both.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        let (x, y) = (self.x.min(other.x), self.y.min(other.y));
+        let end = |region: Self| (region.x.saturating_add(region.width), region.y.saturating_add(region.height));
+        let ((right, bottom), (other_right, other_bottom)) = (end(self), end(other));
+        Self { x, y, width: right.max(other_right) - x, height: bottom.max(other_bottom) - y }
+    }
+
+    /// What both have in common; `None` if that is nothing.
+    #[must_use]
+    pub fn common(self, other: Self) -> Option<Self> {
+        let (x, y) = (self.x.max(other.x), self.y.max(other.y));
+        let right = self.x.saturating_add(self.width).min(other.x.saturating_add(other.width));
+        let bottom = self.y.saturating_add(self.height).min(other.y.saturating_add(other.height));
+        (right > x && bottom > y).then(|| Self { x, y, width: right - x, height: bottom - y })
+    }
+
     /// Number of pixels.
     #[must_use]
     pub const fn area(&self) -> usize {

@@ -15,6 +15,7 @@ mod faults;
 mod frames;
 mod killed;
 mod life;
+mod live;
 mod poses;
 mod postgres;
 mod sequences;
