@@ -203,6 +203,12 @@ pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {
     detection
 }
 
+/// What of a frame of this size [`detect`] looks at for what lies in `region`: a marker at its border is fitted with what is around it.
+#[must_use]
+pub fn looked_at(region: Region, width: u32, height: u32) -> Region {
+    region.grown(locate::reach_px(region.width.max(region.height)), width, height)
+}
+
 /// A position inside a region as a pixel of the whole frame.
 fn in_frame(region: Region, x: f64, y: f64) -> Pixel {
     Vector2::new(x + f64::from(region.x), y + f64::from(region.y))
@@ -211,4 +217,53 @@ fn in_frame(region: Region, x: f64, y: f64) -> Pixel {
 /// Bounds inside a region as pixels of the whole frame.
 const fn bounds_in_frame(region: Region, inner: Region) -> Region {
     Region { x: inner.x + region.x, y: inner.y + region.y, ..inner }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Coding, Limits, Pixels, RawFormat};
+    use crate::random;
+    use crate::scene::flight::Flight;
+    use crate::scene::models::{demo_camera, wing};
+    use crate::scene::render::{Optics, Sky, render};
+
+    #[test]
+    fn what_is_not_looked_at_changes_nothing() {
+        let camera = demo_camera();
+        let detectors = [
+            Detector::Color(ColorOptions::default()),
+            Detector::Beacon(BeaconOptions::default()),
+            Detector::Thesis,
+            Detector::Edge(EdgeOptions::default()),
+            Detector::Sky(SkyOptions::default()),
+        ];
+        let mut found = 0;
+        for step in [0, 60, 110, 160, 190] {
+            let pose = Flight::HeadOn.pose(step);
+            let sky = Sky::fair(1, [0.3, 0.1]);
+            let rng = &mut random::case("looked at", step as u64);
+            let rendered = render(&camera, &pose, &wing(), &sky, &Optics::default(), rng);
+            let (width, height) = (rendered.width(), rendered.height());
+            let whole = Frame::checked(width, height, Pixels::Rgb(rendered.rgb().into_owned()), Coding::LOSSLESS);
+            let whole = whole.expect("a frame");
+            for region in [
+                Region { x: 500, y: 250, width: 180, height: 160 },
+                Region { x: 560, y: 300, width: 60, height: 40 },
+                Region { x: 0, y: 0, width: 700, height: 400 },
+                Region { x: 600, y: 310, width: 680, height: 410 },
+            ] {
+                let part = looked_at(region, width, height);
+                let bytes = rendered.rgb();
+                let partly = Frame::from_raw_within(RawFormat::Rgb8, width, height, &bytes, part, Limits::default());
+                let partly = partly.expect("a frame");
+                for detector in &detectors {
+                    let wanted = detect(&whole, region, detector);
+                    assert_eq!(detect(&partly, region, detector), wanted, "{detector:?} in {region} at step {step}");
+                    found += wanted.centroids.len();
+                }
+            }
+        }
+        assert!(found > 50, "{found} found");
+    }
 }

@@ -39,6 +39,19 @@ pub struct Located {
     pub area_px: f64,
 }
 
+/// How far from the middle of a blob of this length pixels are looked at, at most, px.
+#[must_use]
+pub const fn reach_px(length_px: u32) -> u32 {
+    let reach_px = length_px.saturating_add(BEYOND_PX);
+    if reach_px < MAX_REACH_PX { reach_px } else { MAX_REACH_PX }
+}
+
+/// Half a side of the largest patch, px: beyond it a marker is as well known as it will be.
+const MAX_REACH_PX: u32 = 160;
+
+/// What a patch holds beyond the blob itself at most, px: the ground at its rim, whole pixels.
+const BEYOND_PX: u32 = 5;
+
 /// The ellipse at `seed`; `chroma` is the direction of the marker's hue in the plane of (Cb, Cr). `None` where no ellipse fits.
 #[must_use]
 pub fn locate(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {

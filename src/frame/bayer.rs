@@ -3,6 +3,10 @@
 //! Malvar, He and Cutler 2004, "High-quality linear interpolation for demosaicing of Bayer-patterned color images": bilinear
 //! interpolation corrected by the Laplacian of the colour that is known at the pixel, 5 x 5, in eighths.
 
+use std::ops::Range;
+
+use super::Region;
+
 /// Which colours the top left 2 x 2 pixels carry, row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mosaic {
@@ -44,36 +48,76 @@ impl Mosaic {
     }
 }
 
-/// Interleaved RGB from one sample a pixel. `samples` holds `width * height` bytes.
+/// Interleaved RGB from one sample a pixel, computed within `part`, which lies on the picture; black elsewhere. `samples` holds
+/// `width * height` bytes.
 #[must_use]
-pub fn demosaic(mosaic: Mosaic, width: usize, height: usize, samples: &[u8]) -> Vec<u8> {
-    let mut rgb = Vec::with_capacity(width * height * 3);
-    for y in 0..height {
-        for x in 0..width {
-            // Mirrored about the border pixel, which keeps the mosaic's parity.
-            let at = |dx: isize, dy: isize| {
-                let column = mirrored(x, dx, width);
-                let row = mirrored(y, dy, height);
-                i32::from(samples[row * width + column])
-            };
-            rgb.extend(match mosaic.site(x, y) {
-                Site::Red => {
-                    let centre = at(0, 0);
-                    [clamp8(8 * centre), green(&at), opposite(&at)]
-                }
-                Site::Blue => {
-                    let centre = at(0, 0);
-                    [opposite(&at), green(&at), clamp8(8 * centre)]
-                }
-                Site::GreenInRed => [beside(&at), clamp8(8 * at(0, 0)), beside(&|x, y| at(y, x))],
-                Site::GreenInBlue => [beside(&|x, y| at(y, x)), clamp8(8 * at(0, 0)), beside(&at)],
-            });
+pub fn demosaic(mosaic: Mosaic, width: usize, height: usize, samples: &[u8], part: Region) -> Vec<u8> {
+    let mut rgb = vec![0; width * height * 3];
+    let (left, right) = (part.x as usize, (part.x + part.width) as usize);
+    // Columns that have all their neighbours.
+    let (first, last) = (left.max(REACH), right.min(width.saturating_sub(REACH)));
+    for y in part.y as usize..(part.y + part.height) as usize {
+        let mut border = |columns: Range<usize>| {
+            for x in columns {
+                rgb[(y * width + x) * 3..][..3].copy_from_slice(&at_border(mosaic, [width, height], samples, x, y));
+            }
+        };
+        if y < REACH || y + REACH >= height || first >= last {
+            border(left..right);
+            continue;
         }
+        border(left..first);
+        border(last..right);
+        inside(mosaic, width, samples, y, first..last, &mut rgb[(y * width + first) * 3..(y * width + last) * 3]);
     }
     rgb
 }
 
+/// Pixels to each side that a filter takes in.
+const REACH: usize = 2;
+
+/// A pixel whose neighbours may lie outside: mirrored about the border pixel, which keeps the mosaic's parity.
+fn at_border(mosaic: Mosaic, [width, height]: [usize; 2], samples: &[u8], x: usize, y: usize) -> [u8; 3] {
+    let at = |dx: isize, dy: isize| {
+        let column = mirrored(x, dx, width);
+        let row = mirrored(y, dy, height);
+        i32::from(samples[row * width + column])
+    };
+    colour(mosaic.site(x, y), &at)
+}
+
+/// The pixels of a row in columns that have all their neighbours.
+fn inside(mosaic: Mosaic, width: usize, samples: &[u8], y: usize, columns: Range<usize>, rgb: &mut [u8]) {
+    let around = columns.start - REACH..columns.end + REACH;
+    let row = |above: usize| samples[(y + above - REACH) * width..][around.clone()].windows(2 * REACH + 1);
+    let windows = row(0).zip(row(1)).zip(row(2)).zip(row(3)).zip(row(4));
+    let sites = [mosaic.site(columns.start, y), mosaic.site(columns.start + 1, y)];
+    let pixels = rgb.chunks_exact_mut(3).zip(sites.into_iter().cycle());
+    for (((((a, b), c), d), e), (pixel, site)) in windows.zip(pixels) {
+        let five = |row: &[u8]| <[u8; 5]>::try_from(row).unwrap_or_default();
+        let window = [five(a), five(b), five(c), five(d), five(e)];
+        let at = |dx: isize, dy: isize| {
+            i32::from(window[REACH.wrapping_add_signed(dy) % 5][REACH.wrapping_add_signed(dx) % 5])
+        };
+        pixel.copy_from_slice(&colour(site, &at));
+    }
+}
+
+/// The three colours of a pixel, from the samples around it.
+#[inline]
+fn colour(site: Site, at: &impl Fn(isize, isize) -> i32) -> [u8; 3] {
+    let own = at(0, 0).clamp(0, 255).to_le_bytes()[0];
+    let turned = |x, y| at(y, x);
+    match site {
+        Site::Red => [own, green(at), opposite(at)],
+        Site::Blue => [opposite(at), green(at), own],
+        Site::GreenInRed => [beside(at), own, beside(&turned)],
+        Site::GreenInBlue => [beside(&turned), own, beside(at)],
+    }
+}
+
 /// Green at a red or blue site.
+#[inline]
 fn green(at: &impl Fn(isize, isize) -> i32) -> u8 {
     let near = at(-1, 0) + at(1, 0) + at(0, -1) + at(0, 1);
     let far = at(-2, 0) + at(2, 0) + at(0, -2) + at(0, 2);
@@ -81,6 +125,7 @@ fn green(at: &impl Fn(isize, isize) -> i32) -> u8 {
 }
 
 /// Red at a blue site, or blue at a red one.
+#[inline]
 fn opposite(at: &impl Fn(isize, isize) -> i32) -> u8 {
     let diagonal = at(-1, -1) + at(1, -1) + at(-1, 1) + at(1, 1);
     let far = at(-2, 0) + at(2, 0) + at(0, -2) + at(0, 2);
@@ -89,6 +134,7 @@ fn opposite(at: &impl Fn(isize, isize) -> i32) -> u8 {
 }
 
 /// The colour of the left and right neighbours at a green site.
+#[inline]
 fn beside(at: &impl Fn(isize, isize) -> i32) -> u8 {
     let diagonal = at(-1, -1) + at(1, -1) + at(-1, 1) + at(1, 1);
     let along = at(-2, 0) + at(2, 0);
@@ -111,6 +157,15 @@ fn mirrored(position: usize, offset: isize, length: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn demosaic(mosaic: Mosaic, width: usize, height: usize, samples: &[u8]) -> Vec<u8> {
+        super::demosaic(mosaic, width, height, samples, whole(width, height))
+    }
+
+    fn whole(width: usize, height: usize) -> Region {
+        let side = |side: usize| u32::try_from(side).expect("small");
+        Region { x: 0, y: 0, width: side(width), height: side(height) }
+    }
 
     const ALL: [Mosaic; 4] = [Mosaic::Rggb, Mosaic::Bggr, Mosaic::Gbrg, Mosaic::Grbg];
 
@@ -149,6 +204,20 @@ mod tests {
                 for x in 2..10 {
                     assert_eq!(rgb[(y * 12 + x) * 3..][..3], [ramp(x, y); 3], "{mosaic:?} at {x}, {y}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn inside_it_is_what_the_border_s_way_gives() {
+        let noise = |i: usize| u8::try_from((i * i * 31 + i * 7) % 251).expect("small");
+        for mosaic in ALL {
+            for [width, height] in [[2, 2], [4, 4], [6, 4], [4, 6], [6, 6], [14, 10]] {
+                let samples: Vec<u8> = (0..width * height).map(noise).collect();
+                let slow: Vec<u8> = (0..width * height)
+                    .flat_map(|i| at_border(mosaic, [width, height], &samples, i % width, i / width))
+                    .collect();
+                assert_eq!(demosaic(mosaic, width, height, &samples), slow, "{mosaic:?} {width} x {height}");
             }
         }
     }

@@ -1,7 +1,9 @@
 //! Raw pixel formats, named as in ROS and OpenCV.
 
+use std::ops::Range;
+
 use super::bayer::{self, Mosaic};
-use super::{Coding, Frame, FrameError, Limits, Pixels};
+use super::{Coding, Frame, FrameError, Limits, Pixels, Region};
 
 /// A raw format of 8 bits a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +76,21 @@ impl Frame {
         bytes: &[u8],
         limits: Limits,
     ) -> Result<Self, FrameError> {
+        Self::from_raw_within(format, width, height, bytes, Region { x: 0, y: 0, width, height }, limits)
+    }
+
+    /// The same where only a part of the frame will be looked at: all of its pixels are right, what lies elsewhere is not said.
+    ///
+    /// # Errors
+    /// As [`from_raw`](Self::from_raw), and those of a part that is not on the frame.
+    pub fn from_raw_within(
+        format: RawFormat,
+        width: u32,
+        height: u32,
+        bytes: &[u8],
+        part: Region,
+        limits: Limits,
+    ) -> Result<Self, FrameError> {
         limits.check_size(width, height)?;
         let (even_width, even_height) = format.needs_even();
         if (even_width && width % 2 == 1) || (even_height && height % 2 == 1) {
@@ -84,43 +101,73 @@ impl Frame {
         if actual != expected {
             return Err(FrameError::RawLength { format: format.name(), width, height, expected, actual });
         }
+        let part = part.checked(width, height)?;
+        let width_px = width as usize;
         let (pixels, coding) = match format {
-            RawFormat::Rgb8 => (Pixels::Rgb(bytes.to_vec()), Coding::LOSSLESS),
+            RawFormat::Rgb8 => (Pixels::Rgb(copied(width_px, 3, bytes, part)), Coding::LOSSLESS),
             RawFormat::Bgr8 => {
-                let mut rgb = bytes.to_vec();
+                let mut rgb = copied(width_px, 3, bytes, part);
                 rgb.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
                 (Pixels::Rgb(rgb), Coding::LOSSLESS)
             }
-            RawFormat::Mono8 => (Pixels::Luma(bytes.to_vec()), Coding::LOSSLESS),
+            RawFormat::Mono8 => (Pixels::Luma(copied(width_px, 1, bytes, part)), Coding::LOSSLESS),
             RawFormat::Bayer(mosaic) => {
-                let rgb = bayer::demosaic(mosaic, width as usize, height as usize, bytes);
+                let rgb = bayer::demosaic(mosaic, width_px, height as usize, bytes, part);
                 (Pixels::Rgb(rgb), Coding::SHARED_CHROMA)
             }
-            RawFormat::Yuyv => (Pixels::YCbCr(yuyv_to_ycbcr(bytes)), Coding::SHARED_CHROMA),
-            RawFormat::Nv12 => (Pixels::YCbCr(nv12_to_ycbcr(width as usize, bytes)), Coding::SHARED_CHROMA),
+            RawFormat::Yuyv => (Pixels::YCbCr(yuyv_to_ycbcr(width_px, bytes, part)), Coding::SHARED_CHROMA),
+            RawFormat::Nv12 => (Pixels::YCbCr(nv12_to_ycbcr(width_px, bytes, part)), Coding::SHARED_CHROMA),
         };
         Self::checked(width, height, pixels, coding)
     }
 }
 
-fn yuyv_to_ycbcr(bytes: &[u8]) -> Vec<u8> {
-    let mut out = Vec::with_capacity(bytes.len() / 2 * 3);
-    for pair in bytes.chunks_exact(4) {
-        let (cb, cr) = (full_range_chroma(pair[1]), full_range_chroma(pair[3]));
-        out.extend([full_range_luma(pair[0]), cb, cr, full_range_luma(pair[2]), cb, cr]);
+/// The samples within a part of a frame; zero elsewhere, in memory that nobody touches.
+fn copied(width: usize, channels: usize, bytes: &[u8], part: Region) -> Vec<u8> {
+    if part.area() * channels == bytes.len() {
+        return bytes.to_vec();
+    }
+    let mut out = vec![0; bytes.len()];
+    for y in part.y as usize..(part.y + part.height) as usize {
+        let run = (y * width + part.x as usize) * channels..(y * width + (part.x + part.width) as usize) * channels;
+        out[run.clone()].copy_from_slice(&bytes[run]);
     }
     out
 }
 
-fn nv12_to_ycbcr(width: usize, bytes: &[u8]) -> Vec<u8> {
+/// The rows of a part and the pairs of columns that it touches.
+fn pairs_of(part: Region) -> (Range<usize>, Range<usize>) {
+    let rows = part.y as usize..(part.y + part.height) as usize;
+    (rows, part.x as usize / 2..((part.x + part.width) as usize).div_ceil(2))
+}
+
+fn yuyv_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
+    let mut out = vec![0; bytes.len() / 2 * 3];
+    let (rows, pairs) = pairs_of(part);
+    for y in rows {
+        let at = |pair: usize| y * width / 2 + pair;
+        let (from, to) = (at(pairs.start), at(pairs.end));
+        for (pixels, pair) in out[6 * from..6 * to].chunks_exact_mut(6).zip(bytes[4 * from..4 * to].chunks_exact(4)) {
+            let (cb, cr) = (full_range_chroma(pair[1]), full_range_chroma(pair[3]));
+            pixels.copy_from_slice(&[full_range_luma(pair[0]), cb, cr, full_range_luma(pair[2]), cb, cr]);
+        }
+    }
+    out
+}
+
+fn nv12_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
     let area = bytes.len() / 3 * 2;
     let (luma, chroma) = bytes.split_at(area);
-    let mut out = Vec::with_capacity(area * 3);
-    for (y, row) in luma.chunks_exact(width).enumerate() {
-        let colors = &chroma[y / 2 * width..][..width];
-        for (pair, color) in row.chunks_exact(2).zip(colors.chunks_exact(2)) {
+    let mut out = vec![0; area * 3];
+    let (rows, pairs) = pairs_of(part);
+    let columns = 2 * pairs.start..2 * pairs.end;
+    for y in rows {
+        let row = &luma[y * width..][columns.clone()];
+        let colors = &chroma[y / 2 * width..][columns.clone()];
+        let pixels = &mut out[3 * (y * width + columns.start)..3 * (y * width + columns.end)];
+        for ((pixels, pair), color) in pixels.chunks_exact_mut(6).zip(row.chunks_exact(2)).zip(colors.chunks_exact(2)) {
             let (cb, cr) = (full_range_chroma(color[0]), full_range_chroma(color[1]));
-            out.extend([full_range_luma(pair[0]), cb, cr, full_range_luma(pair[1]), cb, cr]);
+            pixels.copy_from_slice(&[full_range_luma(pair[0]), cb, cr, full_range_luma(pair[1]), cb, cr]);
         }
     }
     out
@@ -168,6 +215,27 @@ mod tests {
         near(&rgb(RawFormat::Yuyv, 2, 1, &[235, 128, 235, 128]), [255, 255, 255]);
         near(&rgb(RawFormat::Yuyv, 2, 1, &[16, 128, 16, 128]), [0, 0, 0]);
         near(&rgb(RawFormat::Nv12, 2, 2, &[145, 145, 145, 145, 54, 34]), [0, 255, 0]);
+    }
+
+    #[test]
+    fn within_a_part_pixels_are_those_of_the_whole_frame() {
+        let (width, height) = (16, 12);
+        for (name, format) in RawFormat::NAMED {
+            let count = usize::try_from(format.byte_count(width, height)).expect("small");
+            let bytes: Vec<u8> = (0..count).map(|i| u8::try_from((i * i * 31 + i * 7) % 251).expect("small")).collect();
+            let whole = Frame::from_raw(format, width, height, &bytes, Limits::default()).expect("a good frame");
+            for [x, y, w, h] in
+                [[0, 0, 16, 12], [0, 0, 1, 1], [3, 1, 5, 4], [15, 11, 1, 1], [1, 5, 14, 2], [13, 0, 3, 12]]
+            {
+                let part = Region { x, y, width: w, height: h };
+                let frame = Frame::from_raw_within(format, width, height, &bytes, part, Limits::default());
+                let frame = frame.expect("a good frame");
+                assert_eq!(frame.cropped(part), whole.cropped(part), "{name} {part}");
+            }
+            let outside = Region { x: 10, y: 0, width: 7, height: 3 };
+            let refused = Frame::from_raw_within(format, width, height, &bytes, outside, Limits::default());
+            assert!(matches!(refused, Err(FrameError::RegionOutside { .. })), "{name}");
+        }
     }
 
     #[test]

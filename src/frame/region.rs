@@ -50,6 +50,18 @@ impl Region {
         (right > x && bottom > y).then(|| Self { x, y, width: right - x, height: bottom - y })
     }
 
+    /// The region with `margin_px` more to every side, as far as a frame of this size goes.
+    #[must_use]
+    pub fn grown(self, margin_px: u32, frame_width: u32, frame_height: u32) -> Self {
+        let side = |start: u32, length: u32, end: u32| {
+            let from = start.saturating_sub(margin_px);
+            (from, start.saturating_add(length).saturating_add(margin_px).min(end).saturating_sub(from))
+        };
+        let (x, width) = side(self.x, self.width, frame_width);
+        let (y, height) = side(self.y, self.height, frame_height);
+        Self { x, y, width, height }
+    }
+
     /// Number of pixels.
     #[must_use]
     pub const fn area(&self) -> usize {
@@ -100,6 +112,16 @@ mod tests {
         assert_eq!(part.pixels(), &Pixels::Rgb(vec![3, 4, 5, 9, 10, 11]));
         let outside = rgb.cropped(Region { x: 1, y: 0, width: 2, height: 2 });
         assert!(matches!(outside, Err(FrameError::RegionOutside { .. })));
+    }
+
+    #[test]
+    fn a_region_grows_as_far_as_the_frame_and_takes_in_another() {
+        let region = Region { x: 10, y: 400, width: 20, height: 60 };
+        assert_eq!(region.grown(30, 640, 480), Region { x: 0, y: 370, width: 60, height: 110 });
+        assert_eq!(region.grown(u32::MAX, 640, 480), Region { x: 0, y: 0, width: 640, height: 480 });
+        let other = Region { x: 25, y: 100, width: 50, height: 10 };
+        assert_eq!(region.with(other), Region { x: 10, y: 100, width: 65, height: 360 });
+        assert_eq!(other.with(region), region.with(other));
     }
 
     #[test]

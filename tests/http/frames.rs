@@ -99,6 +99,35 @@ async fn a_region_finds_what_is_in_it_on_the_whole_frames_coordinates() {
 }
 
 #[tokio::test]
+async fn a_region_of_a_raw_frame_is_that_of_a_picture() {
+    let station = Station::equipped().await;
+    let (raw, png) = (frame().rgb().into_owned(), encode::png(frame()).expect("encodes"));
+    let whole = station.post_bytes("/v1/detections", "image/png", png.clone()).await;
+    let one = &whole.json["centroids"][0];
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
+    let [x, y] = ["u_px", "v_px"].map(|name| one[name].as_f64().expect("a place") as u32);
+    let rest = "width=1280&height=720&format=rgb8";
+    // The second learns the hue far from the region.
+    for query in [
+        format!("region_px={},{},60,60", x - 30, y - 30),
+        format!("region_px=0,0,640,360&sample_px={},{},3,3", x - 1, y - 1),
+        format!("region_px={},{},50,50&method=edge", x - 20, y - 20),
+    ] {
+        let of_raw = station
+            .post_bytes(&format!("/v1/detections?{query}&{rest}"), "application/octet-stream", raw.clone())
+            .await;
+        let of_png = station.post_bytes(&format!("/v1/detections?{query}"), "image/png", png.clone()).await;
+        assert_eq!(of_raw.status, StatusCode::OK, "{of_raw:?}");
+        for word in ["centroids", "refused", "hue_range_deg"] {
+            assert_eq!(of_raw.json.get(word), of_png.json.get(word), "{query}: {word}");
+        }
+    }
+    let outside = format!("/v1/detections?region_px=1270,0,11,5&{rest}");
+    let refused = station.post_bytes(&outside, "application/octet-stream", raw).await;
+    assert!(refused.assert_problem(422).detail().contains("does not lie"), "{refused:?}");
+}
+
+#[tokio::test]
 async fn a_click_on_a_marker_finds_all_of_its_colour_and_tells_the_hues_for_later() {
     let station = Station::equipped().await;
     let by_name = station.post_bytes("/v1/detections?color=red", "image/jpeg", jpeg()).await;

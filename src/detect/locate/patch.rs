@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::Seed;
 use super::lanes::{LANES, Lanes};
 use super::rim::SECTORS;
+use super::{MAX_REACH_PX, Seed};
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
 /// Eight samples of one channel in one sector.
@@ -152,7 +152,7 @@ impl Patch {
         let reach = seed.moments.diagonal().map(|v| (2.0 * v.max(0.1).sqrt() + OUTWARDS_PX).ceil());
         let far = Vector2::new(f64::from(frame.width()), f64::from(frame.height())) - reach;
         let near = origin - reach;
-        if !(near.min() >= 0.0 && origin.x < far.x && origin.y < far.y && reach.max() < MAX_REACH_PX) {
+        if !(near.min() >= 0.0 && origin.x < far.x && origin.y < far.y && reach.max() < f64::from(MAX_REACH_PX)) {
             return None;
         }
         let others: Vec<(Vector2<f64>, Matrix2<f64>)> =
@@ -220,9 +220,6 @@ fn from_rim(q: &Vector2<f64>, matrix: &Matrix2<f64>) -> (f64, f64) {
     let squared = q.dot(&g);
     (squared, (squared - 1.0) / (2.0 * g.norm()).max(1e-9))
 }
-
-/// Half a side of the largest patch, px: beyond it a marker is as well known as it will be.
-const MAX_REACH_PX: f64 = 160.0;
 
 /// The sector of a direction. They are even along a square, not along a circle, which saves an arc tangent a pixel.
 fn sector(q: &Vector2<f64>) -> usize {

@@ -6,7 +6,7 @@ use super::light::Gamma;
 use super::optics::Optics;
 use super::radiance::Radiance;
 use crate::frame::bayer::{Mosaic, demosaic};
-use crate::frame::{Coding, Frame, Pixels};
+use crate::frame::{Coding, Frame, Pixels, Region};
 use crate::random::normal;
 
 /// The frame of this light.
@@ -15,6 +15,8 @@ use crate::random::normal;
 /// raw: linear light in 8 bits would show steps in the shade.
 pub fn frame_of(picture: &Radiance, optics: &Optics, rng: &mut impl Rng) -> Frame {
     let (width, height) = (picture.width, picture.height);
+    #[expect(clippy::cast_possible_truncation, reason = "the sides come from a camera's, which are u32")]
+    let whole = Region { x: 0, y: 0, width: width as u32, height: height as u32 };
     let gamma = Gamma::new();
     let mut expose = |light: f32| gamma.code(measured(light, optics, rng));
     let (samples, coding) = match optics.bayer {
@@ -22,13 +24,12 @@ pub fn frame_of(picture: &Radiance, optics: &Optics, rng: &mut impl Rng) -> Fram
         Some(mosaic) => {
             let pixels = picture.light.iter().enumerate();
             let raw: Vec<u8> = pixels.map(|(i, light)| expose(light[channel(mosaic, i % width, i / width)])).collect();
-            (demosaic(mosaic, width, height, &raw), Coding::SHARED_CHROMA)
+            (demosaic(mosaic, width, height, &raw, whole), Coding::SHARED_CHROMA)
         }
     };
-    #[expect(clippy::cast_possible_truncation, reason = "the sides come from a camera's, which are u32")]
-    let [width, height] = [width, height].map(|side| side as u32);
     #[expect(clippy::expect_used, reason = "three samples for each pixel of a camera, which has at least one")]
-    Frame::checked(width, height, Pixels::Rgb(samples), coding).expect("as many samples as the size asks for")
+    Frame::checked(whole.width, whole.height, Pixels::Rgb(samples), coding)
+        .expect("as many samples as the size asks for")
 }
 
 /// `light` as the sensor measures it, linear, full at 1: electrons come singly, and reading them errs.

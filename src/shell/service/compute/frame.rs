@@ -8,8 +8,8 @@ use serde_json::Value;
 use super::Terms;
 use crate::camera::Camera;
 use crate::detect::color::learned;
-use crate::detect::{Detection, Detector, HueRange, Stamp, Watch, detect};
-use crate::frame::{Decoding, Frame, RawFormat, Region, Wanted};
+use crate::detect::{Detection, Detector, HueRange, Stamp, Watch, detect, looked_at};
+use crate::frame::{Decoding, Frame, FrameError, RawFormat, Region, Wanted};
 use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::lookup::Lookup;
@@ -162,7 +162,8 @@ impl FrameTask {
     /// Bytes that are no frame, or not one of the camera.
     pub fn decode(&self, bytes: &[u8], terms: &Terms) -> Result<Frame, Fault> {
         let frame = if let Some((format, width, height)) = self.raw {
-            Frame::from_raw(format, width, height, bytes, terms.limits)
+            self.looked_at(width, height)
+                .and_then(|part| Frame::from_raw_within(format, width, height, bytes, part, terms.limits))
         } else {
             let decoding =
                 Decoding { wanted: self.wanted(), apply_orientation: self.apply_orientation, limits: terms.limits };
@@ -171,6 +172,16 @@ impl FrameTask {
         let frame = frame.map_err(|error| Fault::of_frame(&error))?;
         self.check(&frame)?;
         Ok(frame)
+    }
+
+    /// What of a raw frame of this size is needed.
+    fn looked_at(&self, width: u32, height: u32) -> Result<Region, FrameError> {
+        let whole = Region { x: 0, y: 0, width, height };
+        let Some(region) = self.region.filter(|_| !self.is_shown) else { return Ok(whole) };
+        let part = looked_at(region.checked(width, height)?, width, height);
+        // A sample that is not on the frame is told of where its hue is learned.
+        let sample = self.sample.and_then(|sample| sample.checked(width, height).ok());
+        Ok(sample.map_or(part, |sample| part.with(sample)))
     }
 
     /// The task of which the frames will be shown, and so are decoded in colour.
