@@ -132,7 +132,10 @@ async fn a_frame_of_a_stream_is_answered_as_any_frame_byte_for_byte_but_for_the_
         };
         let single = post(&format!("/v1/estimates?camera=recorded&target=recorded&method={}", case.method)).await;
         let streamed = post(FRAMES).await;
-        assert_eq!(String::from_utf8_lossy(without_timing(&streamed)), String::from_utf8_lossy(without_timing(&single)));
+        assert_eq!(
+            String::from_utf8_lossy(without_timing(&streamed)),
+            String::from_utf8_lossy(without_timing(&single))
+        );
     }
 }
 

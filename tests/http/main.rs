@@ -12,6 +12,7 @@ mod assessments;
 mod calibrations;
 mod evaluations;
 mod faults;
+mod following;
 mod frames;
 mod killed;
 mod life;

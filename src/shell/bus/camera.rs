@@ -1,7 +1,5 @@
 //! One camera on the network: its frames are handed in, what is told of it is published.
 
-use std::sync::Arc;
-
 use zenoh::Session;
 use zenoh::bytes::Encoding;
 use zenoh::pubsub::Publisher;

@@ -61,7 +61,8 @@ pub async fn post(
     let camera = app.service.stored_sender(&name).await?;
     let FramePost { frame, request } = post.inspect_err(|error| camera.refuse(&error.0))?;
     let outcome = app.service.take(&camera, Arrival::now(request, move || frame)).await;
-    let answered = outcome.map_err(|_| Fault::new(FaultKind::Internal, "the frame was lost; this is a fault of ours"))??;
+    let answered =
+        outcome.map_err(|_| Fault::new(FaultKind::Internal, "the frame was lost; this is a fault of ours"))??;
     let json = [(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))];
     Ok((json, answered.estimate().1.to_owned()).into_response())
 }

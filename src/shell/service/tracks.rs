@@ -183,7 +183,12 @@ mod tests {
                 for marker in targets[0].markers() {
                     let pixel = camera.project(&(pose * marker.position)).expect("in view");
                     let (right, bottom) = (f64::from(part.x + part.width), f64::from(part.y + part.height));
-                    assert!(pixel.x > f64::from(part.x) && pixel.x < right && pixel.y > f64::from(part.y) && pixel.y < bottom);
+                    assert!(
+                        pixel.x > f64::from(part.x)
+                            && pixel.x < right
+                            && pixel.y > f64::from(part.y)
+                            && pixel.y < bottom
+                    );
                 }
                 assert!(tracks.are_found(&targets, &found) && !tracks.are_found(&targets, &[]));
             }

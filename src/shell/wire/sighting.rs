@@ -147,16 +147,16 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// With what was done before with the same frame, which is decoded once.
+    /// With what was done before for the same frame.
     #[must_use]
     pub fn after(self, before: &Self) -> Self {
         let both = |a: Option<u64>, b: Option<u64>| Some(a?.saturating_add(b.unwrap_or(0)));
         Self {
-            decode: self.decode,
+            decode: self.decode + before.decode,
             detect: self.detect + before.detect,
             identify: both(self.identify, before.identify),
             solve: both(self.solve, before.solve),
-            total: self.total + before.total.saturating_sub(before.decode),
+            total: self.total + before.total,
         }
     }
 }

@@ -31,7 +31,8 @@ impl Watch {
         }
         let url = format!("{server}/v1/cameras/{camera}/estimates");
         crate::shell::cli::runtime()?.block_on(async {
-            let http = reqwest::Client::builder().read_timeout(SILENT).build().map_err(|error| unreached(&url, &error))?;
+            let http =
+                reqwest::Client::builder().read_timeout(SILENT).build().map_err(|error| unreached(&url, &error))?;
             let mut watching = Watching { last: None, left: self.count.unwrap_or(u64::MAX), json: self.json, camera };
             let mut is_first = true;
             while watching.left > 0 {
@@ -40,7 +41,9 @@ impl Watch {
                     // It was there once, so it may come again.
                     Err(Ended::Gone(fault)) if is_first => return Err(fault.into()),
                     Err(Ended::Gone(fault)) => note(&format!("{fault}; looking for it again")),
-                    Ok(()) if watching.left > 0 => note(&format!("{server} has ended the stream; looking for it again")),
+                    Ok(()) if watching.left > 0 => {
+                        note(&format!("{server} has ended the stream; looking for it again"))
+                    }
                     Ok(()) => break,
                 }
                 tokio::time::sleep(AGAIN_AFTER).await;
@@ -122,7 +125,8 @@ impl Watching<'_> {
             }
             "gap" => {
                 let missed = from_json::<GapWire>(event.data.as_bytes()).ok().and_then(|gap| gap.missed_count);
-                let missed = missed.map_or_else(|| "what was told".into(), |count| format!("{count} estimates and tracks"));
+                let missed =
+                    missed.map_or_else(|| "what was told".into(), |count| format!("{count} estimates and tracks"));
                 note(&format!("{missed} in between cannot be had any more"));
             }
             _ => {}

@@ -64,7 +64,7 @@ pub struct FrameQuery {
     refine: Option<bool>,
     /// When the frame was taken, microseconds since the Unix epoch.
     timestamp_us: Option<i64>,
-    /// Detections by `edge`: the sequence that the frame belongs to, by a name of the client's choice.
+    /// Method `edge`: the sequence that the frame belongs to, by a name of the client's choice.
     #[param(max_length = 128)]
     sequence: Option<String>,
     /// Number of the frame in its sequence.
@@ -258,10 +258,14 @@ mod tests {
 
     #[test]
     fn a_note_says_what_the_attachment_says() {
-        let read = NoteQuery::read("sequence=18446744073709551615&timestamp_us=1700000000000000&width=64&height=48&format=nv12");
+        let read = NoteQuery::read(
+            "sequence=18446744073709551615&timestamp_us=1700000000000000&width=64&height=48&format=nv12",
+        );
         let json = br#"{"sequence": 18446744073709551615, "timestamp_us": 1700000000000000, "width": 64, "height": 48, "format": "nv12"}"#;
         assert_eq!(read, crate::shell::wire::from_json(json));
-        for (query, word) in [("camera=front", "timestamp_us"), ("sequence=-1", "/sequence"), ("format=magic", "/format")] {
+        for (query, word) in
+            [("camera=front", "timestamp_us"), ("sequence=-1", "/sequence"), ("format=magic", "/format")]
+        {
             let fault = NoteQuery::read(query).expect_err(query);
             assert!(fault.to_string().contains(word), "{fault}");
         }

@@ -133,7 +133,10 @@ impl FrameTask {
         }
         let task = Self::checked(request, lookup).await?;
         if task.targets.is_empty() && !task.is_sequential() {
-            return Err(Fault::senseless("/targets", "an estimate needs at least one target, except by the method edge"));
+            return Err(Fault::senseless(
+                "/targets",
+                "an estimate needs at least one target, except by the method edge",
+            ));
         }
         Ok(task)
     }
@@ -172,6 +175,12 @@ impl FrameTask {
         let frame = frame.map_err(|error| Fault::of_frame(&error))?;
         self.check(&frame)?;
         Ok(frame)
+    }
+
+    /// Whether the frame comes raw: then only the part that is looked at is taken of it.
+    #[must_use]
+    pub const fn is_raw(&self) -> bool {
+        self.raw.is_some()
     }
 
     /// What of a raw frame of this size is needed.

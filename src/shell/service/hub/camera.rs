@@ -28,8 +28,8 @@ pub struct Camera {
     /// Rises with everything that its status should tell soon.
     news: watch::Sender<u64>,
     heard: Mutex<Instant>,
-    /// What is remembered from frame to frame. One frame at a time is in work, so nobody waits here.
-    pub(super) memory: Arc<Mutex<Memory>>,
+    /// What is remembered from frame to frame; held by the frame in work, even if nobody waits for it any more.
+    pub(super) memory: Arc<tokio::sync::Mutex<Memory>>,
 }
 
 /// The newest frame that has not had its turn, and whether somebody is at work and will take it.
@@ -221,7 +221,8 @@ mod tests {
         assert_eq!(heard.kind, FaultKind::Replaced);
         let turn = camera.next().expect("one waits");
         assert_eq!(turn.arrival.place.note.sequence, Some(3));
-        camera.settle(turn.told, Ok(turn.arrival.place.answered(Seeing { estimate: "{}".into(), ..Seeing::default() })));
+        camera
+            .settle(turn.told, Ok(turn.arrival.place.answered(Seeing { estimate: "{}".into(), ..Seeing::default() })));
         assert_eq!(second_hears.try_recv().expect("told").expect("answered").estimate().1, "{}");
         assert!(camera.next().is_none());
         assert!(camera.put(waiting(4).0), "nobody is at work again");
@@ -233,9 +234,13 @@ mod tests {
     fn every_frame_is_counted_once() {
         let camera = Camera::new("front", 1 << 20);
         let news = camera.news();
-        for kind in
-            [FaultKind::TooOld, FaultKind::DeadlineExceeded, FaultKind::Overloaded, FaultKind::Internal, FaultKind::NotAFrame]
-        {
+        for kind in [
+            FaultKind::TooOld,
+            FaultKind::DeadlineExceeded,
+            FaultKind::Overloaded,
+            FaultKind::Internal,
+            FaultKind::NotAFrame,
+        ] {
             camera.put(waiting(0).0);
             let turn = camera.next().expect("one waits");
             camera.settle(turn.told, Err(Fault::new(kind, "so")));

@@ -1,9 +1,10 @@
 //! The way of a frame through the service.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 use tokio::sync::oneshot;
+use tokio::time::timeout_at;
 
 use super::arrival::{Answered, Arrival};
 use super::camera::{Camera, Outcome, Waiting};
@@ -68,12 +69,17 @@ impl Service {
         let stream = self.stream(camera.name()).await?;
         let task = StreamTask::checked(camera.name(), stream, &place.note, &self.lookup(), &self.settings).await?;
         let taken_us = place.taken_us();
-        let memory = Arc::clone(&camera.memory);
-        let work = move || {
-            let mut memory = memory.lock().unwrap_or_else(PoisonError::into_inner);
-            memory.see(&frame(), &task, taken_us, &terms)
-        };
         let late = |detail| Fault::new(FaultKind::DeadlineExceeded, detail);
+        // Before the frame is given to a worker: none of them waits for an earlier frame that takes too long.
+        let memory = timeout_at(deadline.into(), Arc::clone(&camera.memory).lock_owned()).await;
+        let mut memory = memory.map_err(|_| late("the frame was too old before the one before it was done"))?;
+        let work = move || {
+            // Should the work fail by a fault of ours, nothing half changed is left.
+            let mut before = std::mem::take(&mut *memory);
+            let seeing = before.see(&frame(), &task, taken_us, &terms);
+            *memory = before;
+            seeing
+        };
         let seeing = match self.workers.run(deadline, work).await {
             Err(fault) if fault.kind == FaultKind::DeadlineExceeded => {
                 return Err(late("the frame was too old before its turn on a worker was over"));

@@ -4,8 +4,8 @@ use bytes::Bytes;
 
 use super::settings::StreamTask;
 use crate::detect::Watch;
-use crate::pipeline::Estimate;
 use crate::frame::{Frame, Region};
+use crate::pipeline::Estimate;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Seen, Terms};
 use crate::shell::service::tracks::Tracks;
@@ -30,7 +30,13 @@ pub(super) struct Seeing {
 
 impl Memory {
     /// The frame taken at `taken_us`.
-    pub(super) fn see(&mut self, frame: &Bytes, stream: &StreamTask, taken_us: i64, terms: &Terms) -> Result<Seeing, Fault> {
+    pub(super) fn see(
+        &mut self,
+        frame: &Bytes,
+        stream: &StreamTask,
+        taken_us: i64,
+        terms: &Terms,
+    ) -> Result<Seeing, Fault> {
         let StreamTask { task, search, track } = stream;
         let part = match search {
             SearchName::Full => None,
@@ -51,21 +57,22 @@ impl Memory {
     /// First in the part where the tracks predict the targets. Where one of them is not found there, everywhere, so that nothing is lost.
     fn estimated(
         &mut self,
-        frame: &Bytes,
+        bytes: &Bytes,
         task: &FrameTask,
         part: Option<Region>,
         terms: &Terms,
     ) -> Result<(FrameTask, Frame, Estimate, Timing), Fault> {
         let Some(part) = part else {
-            let (frame, estimate, timing) = task.estimated(Seen::Bytes(frame), terms, Some(&mut self.watch))?;
+            let (frame, estimate, timing) = task.estimated(Seen::Bytes(bytes), terms, Some(&mut self.watch))?;
             return Ok((task.clone(), frame, estimate, timing));
         };
         let in_part = task.clone().within(part);
-        let (frame, estimate, timing) = in_part.estimated(Seen::Bytes(frame), terms, None)?;
+        let (frame, estimate, timing) = in_part.estimated(Seen::Bytes(bytes), terms, None)?;
         if self.tracks.are_found(task.targets(), &estimate.targets) {
             return Ok((in_part, frame, estimate, timing));
         }
-        let seen = Seen::Frame { frame, decode_us: timing.decode };
+        // Of a frame that comes raw, only the part was taken.
+        let seen = if task.is_raw() { Seen::Bytes(bytes) } else { Seen::Frame { frame, decode_us: 0 } };
         let (frame, estimate, again) = task.estimated(seen, terms, None)?;
         Ok((task.clone(), frame, estimate, again.after(&timing)))
     }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use super::units::{Content, Unit};
 use crate::detect::{Detection, Watch};
 use crate::evaluate::recorded::{Truth, judge};
-use crate::frame::Frame;
 use crate::pipeline::TargetEstimate;
 use crate::shell::fault::Fault;
 use crate::shell::grab::{Grabber, Options, Source};
