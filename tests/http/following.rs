@@ -68,7 +68,8 @@ fn both(step: usize) -> Vec<u8> {
 
 /// A station with two streams of the same camera: `whole`, and `part` that looks where the tracks predict.
 async fn flying() -> Station {
-    let station = Station::equipped_with(|settings| settings.streams.max_age_ms = 60_000).await;
+    // Longer than it takes to render them all.
+    let station = Station::equipped_with(|settings| settings.streams.max_age_ms = 3_600_000).await;
     assert!(station.put("/v1/cameras/small", &json!(CameraWire::from(&camera()))).await.status.is_success());
     for (name, search) in [("whole", "full"), ("part", "predicted")] {
         let track = json!({"full_search_every": SCHEDULE});
