@@ -30,7 +30,7 @@ use skypose::scene::flight::Flight;
 use skypose::scene::models::{demo_camera, wing};
 use skypose::scene::render::{Optics, Sky, render};
 use skypose::shell::config::Settings;
-use skypose::shell::service::compute::{FrameTask, Terms};
+use skypose::shell::service::compute::{FrameTask, Seen, Terms};
 use skypose::shell::service::lookup::Lookup;
 use skypose::shell::wire::{CameraWire, EstimateReply, FrameRequest, Ref, TargetWire};
 use tempfile::TempDir;
@@ -145,7 +145,7 @@ fn task(runtime: &Runtime) -> FrameTask {
 }
 
 fn work(task: &FrameTask, frame: &[u8]) {
-    let estimated = task.estimated(frame, &Terms::of(&Settings::default())).expect("a frame");
+    let estimated = task.estimated(Seen::Bytes(frame), &Terms::of(&Settings::default()), None).expect("a frame");
     std::hint::black_box(estimated);
 }
 

@@ -99,6 +99,17 @@ pub fn estimate(
     let region = options.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height())?;
     let detection = detect(frame, region, &options.detector);
     on_stage(Stage::Detect);
+    Ok(estimate_of(detection, camera, targets, options, on_stage))
+}
+
+/// As [`estimate`] in a frame of the camera whose blobs were found already, as those of a sequence are.
+pub fn estimate_of(
+    detection: Detection,
+    camera: &Camera,
+    targets: &[Target],
+    options: &Options,
+    mut on_stage: impl FnMut(Stage),
+) -> Estimate {
     let blobs: Vec<Blob> = detection
         .centroids
         .iter()
@@ -113,7 +124,7 @@ pub fn estimate(
     let targets =
         claims.into_iter().map(|claim| solved(camera, &targets[claim.target], &blobs, claim, options)).collect();
     on_stage(Stage::Solve);
-    Ok(Estimate { detection, targets })
+    Estimate { detection, targets }
 }
 
 fn solved(camera: &Camera, target: &Target, blobs: &[Blob], claim: Claim, options: &Options) -> TargetEstimate {

@@ -101,6 +101,15 @@ impl Tracker {
         Ok(Self { options: options.checked()?, tracks: Vec::new(), last: None, frames: 0, next_id: 0 })
     }
 
+    /// Other options from the next frame on. Tracks go on.
+    ///
+    /// # Errors
+    /// [`TrackError::Option`] if an option makes no sense; the old ones hold then.
+    pub fn set_options(&mut self, options: TrackOptions) -> Result<(), TrackError> {
+        self.options = options.checked()?;
+        Ok(())
+    }
+
     /// One frame: all answers for the target at `stamp`, a time since any epoch. None at all is a frame in which it was not
     /// seen; an `Option<&PoseAnswer>` does for at most one instance.
     ///

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use serde_json::{Value, json};
 use skypose::shell::bus::network::{Role, join};
 use skypose::shell::config::Settings;
-use station::{Station, assert_true_pose, jpeg, read};
+use station::{Station, assert_true_pose, corpus, jpeg, read, without_timing};
 use zenoh::Session;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::handlers::FifoChannelHandler;
@@ -59,7 +59,7 @@ impl Swarm {
         let station = Station::equipped_with(|settings| {
             settings.zenoh.network.clone_from(&endpoint);
             settings.zenoh.node = "alpha".into();
-            settings.zenoh.max_age_ms = 20_000;
+            settings.streams.max_age_ms = 20_000;
             change(settings);
         })
         .await;
@@ -129,40 +129,6 @@ async fn next(listener: &Listener) -> Sample {
     tokio::time::timeout(SOON, listener.recv_async()).await.expect("in time").expect("a sample")
 }
 
-/// Text without the value of its last member, `timing_us`, which differs by nature.
-fn without_timing(text: &[u8]) -> &[u8] {
-    let word = b"\"timing_us\":";
-    let at = text.windows(word.len()).position(|window| window == word).expect("it tells its times");
-    let value: Value = serde_json::from_slice(&text[at + word.len()..text.len() - 1]).expect("an object at the end");
-    assert!(value["total"].as_u64().is_some_and(|total| total > 0), "{value}");
-    &text[..at]
-}
-
-/// A frame, its camera, its target and the method for it.
-struct Case {
-    frame: Vec<u8>,
-    camera: Value,
-    target: Value,
-    method: &'static str,
-}
-
-/// Recorded frames of several kinds.
-fn corpus() -> Vec<Case> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/frames");
-    let truth = std::fs::read(folder.join("truth.json")).expect("a truth");
-    let truth: Value = serde_json::from_slice(&truth).expect("JSON");
-    let frames = truth["frames"].as_array().expect("frames");
-    let case = |entry: &Value| {
-        let name = entry["frame"].as_str().expect("a name");
-        let mut target = entry["target"].clone();
-        target["name"] = json!("recorded");
-        let method = if name.starts_with("led") { "beacon" } else { "color" };
-        let frame = std::fs::read(folder.join(name)).expect("a frame");
-        Case { frame, camera: entry["camera"].clone(), target, method }
-    };
-    frames.iter().step_by(2).map(case).collect()
-}
-
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn estimates_are_those_of_http_byte_for_byte_but_for_the_times() {
     let swarm = Swarm::start(|_| {}).await;
@@ -199,6 +165,14 @@ async fn estimates_are_those_of_http_byte_for_byte_but_for_the_times() {
         let total = ledger["total"].as_u64().expect("a total");
         // Each is cut to whole microseconds, and between the stages is what no stage counts.
         assert!(sum <= total && total - sum < 5_000, "{ledger}");
+        // By HTTP into the stream of the camera too, and then the network hears of it, in the very same bytes.
+        let path = format!("/v1/cameras/front/frames?sequence={sequence}&timestamp_us={taken}");
+        let request = swarm.station.request(reqwest::Method::POST, &path).header("content-type", "image/jpeg");
+        let posted = request.body(case.frame.clone()).send().await.expect("an answer");
+        assert_eq!(posted.status(), 200);
+        let posted = posted.bytes().await.expect("a whole answer");
+        assert_eq!(without_timing(&posted), without_timing(&by_http));
+        assert_eq!(next(&estimates).await.payload().to_bytes(), posted);
         // By query too.
         let request =
             json!({"camera": "recorded", "targets": ["recorded"], "detector": detector, "timestamp_us": taken});
@@ -299,7 +273,7 @@ async fn what_is_seen_again_and_again_is_a_track() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_is_too_old_is_not_answered() {
-    let swarm = Swarm::start(|settings| settings.zenoh.max_age_ms = 2000).await;
+    let swarm = Swarm::start(|settings| settings.streams.max_age_ms = 2000).await;
     let estimates = swarm.listen("estimate").await;
     swarm.send(jpeg(), Encoding::IMAGE_JPEG, &json!({"sequence": 1, "timestamp_us": now_us() - 2_500_000})).await;
     let status = swarm.until(|status| status["too_old"] == 1).await;
@@ -464,7 +438,7 @@ async fn a_python_client_flies_through_a_router_that_is_killed_on_the_way() {
     let station = Station::equipped_with(|settings| {
         settings.zenoh.network = network.display().to_string();
         settings.zenoh.node = "alpha".into();
-        settings.zenoh.max_age_ms = 5000;
+        settings.streams.max_age_ms = 5000;
     })
     .await;
     let stream = json!({"camera": "demo", "targets": ["wing-six"]});

@@ -66,6 +66,7 @@ pub fn detect(frame: &Frame, region: Region, options: &SkyOptions) -> Detection 
 impl Watch {
     /// The next frame of the sequence, of which `region` is looked at; it must lie on the frame.
     pub fn observe(&mut self, frame: &Frame, region: Region, stamp: Stamp, options: &SkyOptions) -> Detection {
+        self.look_at(region);
         let mut samples = std::mem::take(&mut self.samples);
         luma::take(frame, region, &mut samples);
         self.observe_luma(&samples, [region.width as usize, region.height as usize], stamp);

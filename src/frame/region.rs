@@ -32,6 +32,24 @@ impl Region {
         Ok(self)
     }
 
+    /// The smallest region that holds both.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        let (x, y) = (self.x.min(other.x), self.y.min(other.y));
+        let end = |region: Self| (region.x.saturating_add(region.width), region.y.saturating_add(region.height));
+        let ((right, bottom), (other_right, other_bottom)) = (end(self), end(other));
+        Self { x, y, width: right.max(other_right) - x, height: bottom.max(other_bottom) - y }
+    }
+
+    /// What both have in common; `None` if that is nothing.
+    #[must_use]
+    pub fn common(self, other: Self) -> Option<Self> {
+        let (x, y) = (self.x.max(other.x), self.y.max(other.y));
+        let right = self.x.saturating_add(self.width).min(other.x.saturating_add(other.width));
+        let bottom = self.y.saturating_add(self.height).min(other.y.saturating_add(other.height));
+        (right > x && bottom > y).then(|| Self { x, y, width: right - x, height: bottom - y })
+    }
+
     /// The region with `margin_px` more to every side, as far as a frame of this size goes.
     #[must_use]
     pub fn grown(self, margin_px: u32, frame_width: u32, frame_height: u32) -> Self {
@@ -41,18 +59,6 @@ impl Region {
         };
         let (x, width) = side(self.x, self.width, frame_width);
         let (y, height) = side(self.y, self.height, frame_height);
-        Self { x, y, width, height }
-    }
-
-    /// The least region that holds both.
-    #[must_use]
-    pub fn with(self, other: Self) -> Self {
-        let side = |a: u32, a_length: u32, b: u32, b_length: u32| {
-            let from = a.min(b);
-            (from, a.saturating_add(a_length).max(b.saturating_add(b_length)) - from)
-        };
-        let (x, width) = side(self.x, self.width, other.x, other.width);
-        let (y, height) = side(self.y, self.height, other.y, other.height);
         Self { x, y, width, height }
     }
 

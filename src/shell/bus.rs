@@ -23,7 +23,8 @@ use zenoh::query::Queryable;
 
 use super::fault::{Fault, FaultKind};
 use super::service::Service;
-use camera::Camera;
+use super::service::hub::Camera;
+use camera::{arrival, publish};
 use keys::{Keys, Topic};
 use network::{Role, join};
 
@@ -31,7 +32,7 @@ use network::{Role, join};
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// How often it is looked whether another has.
 const READ_EVERY: Duration = Duration::from_secs(1);
-/// A camera for which no stream is stored is forgotten after this time without a frame.
+/// A camera for which no stream is stored is listened to no more after this time without a frame.
 const FORGOTTEN_AFTER: Duration = Duration::from_mins(1);
 
 /// The service on the network.
@@ -62,7 +63,7 @@ impl Bus {
     /// If something cannot be declared.
     pub async fn on(session: Session, service: Arc<Service>) -> Result<Self, Fault> {
         let settings = &service.settings().zenoh;
-        let node = if settings.node.is_empty() { network::machine_name() } else { settings.node.clone() };
+        let node = service.node().to_owned();
         let house = Arc::new(House {
             session: session.clone(),
             service: Arc::clone(&service),
@@ -132,13 +133,13 @@ struct House {
 /// A camera, and what lives as long as it is listened to.
 struct Listened {
     camera: Arc<Camera>,
-    living: JoinHandle<()>,
+    publishing: JoinHandle<()>,
     token: Option<LivelinessToken>,
 }
 
 impl Drop for Listened {
     fn drop(&mut self) {
-        self.living.abort();
+        self.publishing.abort();
     }
 }
 
@@ -146,10 +147,11 @@ impl House {
     /// A frame, on the network's thread.
     fn take(self: &Arc<Self>, sample: &zenoh::sample::Sample) {
         let Some(key) = self.keys.read_camera(sample.key_expr()) else { return };
-        let max_bytes = self.service.settings().http.max_frame_bytes;
-        match self.camera(&key.camera) {
-            Some(camera) => camera.take(sample, max_bytes),
-            None => metrics::counter!("skypose_cameras_refused_total").increment(1),
+        let Some(camera) = self.camera(&key.camera) else { return };
+        match arrival(sample, self.service.settings().http.max_frame_bytes) {
+            // Estimates are told to all; nobody waits for this one.
+            Ok(arrival) => drop(self.service.take(&camera, arrival)),
+            Err(fault) => camera.refuse(&fault),
         }
     }
 
@@ -159,16 +161,11 @@ impl House {
         if let Some(listened) = cameras.get(name) {
             return Some(Arc::clone(&listened.camera));
         }
-        if cameras.len() >= self.service.settings().zenoh.max_cameras {
-            return None;
-        }
-        let camera = Arc::new(Camera::new(&self.node, name));
-        let stopping = self.service.jobs().stopping();
-        let life =
-            Arc::clone(&camera).live(self.session.clone(), Arc::clone(&self.service), self.keys.clone(), stopping);
-        let living = self.runtime.spawn(life);
-        cameras.insert(name.into(), Listened { camera: Arc::clone(&camera), living, token: None });
-        metrics::gauge!("skypose_cameras").set(cameras.len() as f64);
+        let camera = self.service.sender(name)?;
+        let listener = self.service.listen(Arc::clone(&camera), None);
+        let publishing = publish(listener, self.session.clone(), self.keys.clone(), self.node.clone(), name.into());
+        let publishing = self.runtime.spawn(publishing);
+        cameras.insert(name.into(), Listened { camera: Arc::clone(&camera), publishing, token: None });
         Some(camera)
     }
 
@@ -202,10 +199,9 @@ impl House {
     async fn follow(self: &Arc<Self>, names: Vec<String>) {
         for name in &names {
             let Some(camera) = self.camera(name) else {
-                tracing::warn!(camera = %name, "more streams are stored than zenoh.max_cameras");
+                tracing::warn!(camera = %name, "more streams are stored than streams.max_cameras");
                 continue;
             };
-            camera.set_stream(true);
             if self.has_token(name) {
                 continue;
             }
@@ -214,6 +210,7 @@ impl House {
                     let mut cameras = self.cameras.lock().unwrap_or_else(PoisonError::into_inner);
                     if let Some(listened) = cameras.get_mut(name) {
                         listened.token = Some(token);
+                        camera.has_news();
                     }
                 }
                 Err(fault) => tracing::warn!(camera = %name, %fault, "its presence cannot be told"),
@@ -226,13 +223,15 @@ impl House {
             if names.contains(name) {
                 return true;
             }
-            ended.extend(listened.token.take());
-            listened.camera.set_stream(false);
+            if let Some(token) = listened.token.take() {
+                ended.push(token);
+                listened.camera.has_news();
+            }
             listened.camera.heard().elapsed() < FORGOTTEN_AFTER
         });
-        metrics::gauge!("skypose_cameras").set(cameras.len() as f64);
         drop(cameras);
         drop(ended);
+        self.service.forget_senders(&names);
     }
 
     fn has_token(&self, name: &str) -> bool {

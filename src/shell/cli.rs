@@ -18,7 +18,6 @@ mod replay;
 
 mod requests;
 mod serve;
-#[cfg(feature = "zenoh")]
 mod watch;
 
 use std::path::PathBuf;
@@ -59,8 +58,7 @@ enum Command {
     /// Play a video, a stream or pictures against a running server, at their own pace: one JSON reply a line.
     #[command(after_help = replay::EXAMPLES)]
     Replay(replay::Replay),
-    /// Print the estimates of a Zenoh network as they come.
-    #[cfg(feature = "zenoh")]
+    /// Print what a server or a Zenoh network sees in the frames of cameras, as it comes.
     #[command(after_help = watch::EXAMPLES)]
     Watch(watch::Watch),
     /// Compute poses from points: JSON requests on standard input, one JSON reply a line.
@@ -156,7 +154,6 @@ pub fn run() -> ExitCode {
         Command::Estimate(command) => command.run(),
         Command::Grab(command) => command.run(),
         Command::Replay(command) => command.run(),
-        #[cfg(feature = "zenoh")]
         Command::Watch(command) => command.run(),
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),

@@ -14,6 +14,7 @@ use crate::frame::Limits;
 use crate::identify::IdentifyOptions;
 use crate::pipeline;
 use crate::shell::store::{address_problem, check_name};
+use crate::shell::wire::TrackOptionsWire;
 
 pub use load::{SettingFault, load};
 
@@ -35,6 +36,10 @@ pub struct Settings {
     pub sequences: SequenceSettings,
     /// How markers are told apart.
     pub identify: IdentifySettings,
+    /// Cameras that send frame after frame.
+    pub streams: StreamSettings,
+    /// How tracks are kept.
+    pub track: TrackOptionsWire,
     /// The swarm side.
     pub zenoh: ZenohSettings,
     /// What is logged.
@@ -319,6 +324,42 @@ impl IdentifySettings {
     }
 }
 
+/// Cameras that send frame after frame, over Zenoh or HTTP.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StreamSettings {
+    /// Age at which a frame is of no use any more.
+    pub max_age_ms: u64,
+    /// Most cameras whose frames are taken.
+    pub max_cameras: usize,
+    /// Time between two messages about a camera's state.
+    pub status_ms: u64,
+    /// Bytes of estimates and tracks of one camera that are kept for who comes again or reads slowly.
+    pub kept_bytes: usize,
+    /// Ground stations that are told at a time; further ones are refused.
+    pub max_readers: usize,
+}
+
+impl Default for StreamSettings {
+    fn default() -> Self {
+        Self { max_age_ms: 500, max_cameras: 32, status_ms: 1000, kept_bytes: 4 << 20, max_readers: 64 }
+    }
+}
+
+impl StreamSettings {
+    /// Age at which a frame is of no use any more.
+    #[must_use]
+    pub const fn max_age(&self) -> Duration {
+        Duration::from_millis(self.max_age_ms)
+    }
+
+    /// Time between two messages about a camera's state.
+    #[must_use]
+    pub const fn status(&self) -> Duration {
+        Duration::from_millis(self.status_ms)
+    }
+}
+
 /// The swarm side.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
@@ -331,14 +372,8 @@ pub struct ZenohSettings {
     pub group: String,
     /// The node's name; empty takes the machine's.
     pub node: String,
-    /// Age at which a frame is of no use any more.
-    pub max_age_ms: u64,
-    /// Most cameras that are listened to.
-    pub max_cameras: usize,
     /// Queries being answered at a time; further ones are refused.
     pub max_queries: usize,
-    /// Time between two messages about a camera's state.
-    pub status_ms: u64,
     /// Shared memory with others on this machine, where an endpoint is given; a file says it itself.
     pub shared_memory: bool,
 }
@@ -350,27 +385,27 @@ impl Default for ZenohSettings {
             prefix: "skypose/v1".into(),
             group: "default".into(),
             node: String::new(),
-            max_age_ms: 500,
-            max_cameras: 32,
             max_queries: 16,
-            status_ms: 1000,
             shared_memory: true,
         }
     }
 }
 
 impl ZenohSettings {
-    /// Age at which a frame is of no use any more.
+    /// The node's name, or else the machine's.
     #[must_use]
-    pub const fn max_age(&self) -> Duration {
-        Duration::from_millis(self.max_age_ms)
+    pub fn node_name(&self) -> String {
+        if self.node.is_empty() { machine_name() } else { self.node.clone() }
     }
+}
 
-    /// Time between two messages about a camera's state.
-    #[must_use]
-    pub const fn status(&self) -> Duration {
-        Duration::from_millis(self.status_ms)
-    }
+/// The machine's name as a node's, as far as it can be one.
+fn machine_name() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let is_good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+    let name: String = name.trim().chars().map(|c| if is_good(c) { c } else { '-' }).collect();
+    let name: String = name.trim_start_matches(|c: char| !c.is_ascii_alphanumeric()).chars().take(64).collect();
+    if name.is_empty() { "node".into() } else { name }
 }
 
 /// What is logged, to standard error.
@@ -452,15 +487,22 @@ impl Settings {
             "identify.min_range_m",
             "must be positive and below identify.max_range_m, which is at most 1000000",
         );
+        let streams = &self.streams;
+        need((1..=3_600_000).contains(&streams.max_age_ms), "streams.max_age_ms", "must be from 1 to 3600000");
+        need((1..=1024).contains(&streams.max_cameras), "streams.max_cameras", "must be from 1 to 1024");
+        need((100..=3_600_000).contains(&streams.status_ms), "streams.status_ms", "must be from 100 to 3600000");
+        need(streams.kept_bytes <= 1 << 30, "streams.kept_bytes", "must be at most 1073741824");
+        need((1..=65_536).contains(&streams.max_readers), "streams.max_readers", "must be from 1 to 65536");
         let zenoh = &self.zenoh;
-        need((1..=3_600_000).contains(&zenoh.max_age_ms), "zenoh.max_age_ms", "must be from 1 to 3600000");
-        need((1..=1024).contains(&zenoh.max_cameras), "zenoh.max_cameras", "must be from 1 to 1024");
         need((1..=1024).contains(&zenoh.max_queries), "zenoh.max_queries", "must be from 1 to 1024");
-        need((100..=3_600_000).contains(&zenoh.status_ms), "zenoh.status_ms", "must be from 100 to 3600000");
         need(check_name(&zenoh.group).is_ok(), "zenoh.group", NAME);
         need(zenoh.node.is_empty() || check_name(&zenoh.node).is_ok(), "zenoh.node", NAME);
         let is_prefix = zenoh.prefix.split('/').all(|part| check_name(part).is_ok());
         need(is_prefix && zenoh.prefix.len() <= 256, "zenoh.prefix", "must be names with slashes between");
+        if let Err(fault) = self.track.options() {
+            let option = fault.pointer.as_deref().unwrap_or_default().trim_start_matches('/');
+            faults.push(SettingFault { setting: format!("track.{option}"), problem: fault.detail });
+        }
         if !self.store.storage.is_empty()
             && let Some(problem) = address_problem(self.store.storage.expose())
         {
@@ -470,5 +512,15 @@ impl Settings {
             faults.push(SettingFault { setting: "log.level".into(), problem: error.to_string() });
         }
         faults
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_machine_has_a_name() {
+        assert!(check_name(&machine_name()).is_ok());
     }
 }

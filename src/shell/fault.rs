@@ -34,6 +34,10 @@ pub enum FaultKind {
     NotAFrame,
     /// It can be read but makes no sense.
     Senseless,
+    /// A frame in whose place a newer one of its camera has come.
+    Replaced,
+    /// A frame that is too old to be of use.
+    TooOld,
     /// All workers are busy and the queue is full, or the service is shutting down.
     Overloaded,
     /// The store cannot be reached now.

@@ -5,6 +5,7 @@ pub mod connections;
 pub mod docs;
 pub mod error;
 mod evaluations;
+mod events;
 pub mod extract;
 pub mod health;
 pub mod layers;
@@ -15,6 +16,7 @@ mod calibrations;
 mod detections;
 mod estimates;
 mod jobs;
+mod live;
 mod poses;
 mod streams;
 mod things;
@@ -74,6 +76,8 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(things::get_target, things::put_target, things::delete_target))
         .routes(routes!(streams::list))
         .routes(routes!(streams::get, streams::put, streams::delete))
+        .routes(routes!(live::post))
+        .routes(routes!(live::estimates))
 }
 
 /// Routes that take what comes in its own time.

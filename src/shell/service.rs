@@ -1,8 +1,9 @@
-//! What both doors, HTTP and the command line, ask for: names looked up, work done on the workers, replies made.
+//! What all doors, HTTP, Zenoh and the command line, ask for: names looked up, work done on the workers, replies made.
 
 pub mod calibration;
 pub mod compute;
 pub mod evaluation;
+pub mod hub;
 pub mod jobs;
 pub mod lookup;
 pub mod recorded;
@@ -10,32 +11,34 @@ pub mod sequences;
 pub mod tracks;
 pub mod workers;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use serde_json::json;
+use tokio::sync::OwnedMutexGuard;
 
 use super::config::Settings;
 use super::fault::Fault;
 use super::store::jobs::Job;
 use super::store::{Kind as Thing, Store, Stored};
-use super::wire::sighting::SequenceWire;
-use super::wire::track::TracksWire;
+use super::wire::swarm::FrameNote;
 use super::wire::{
     AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EstimateReply, EvaluationRequest, FrameRequest,
     NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply, PoseRequest, StreamWire, Streams,
     Targets, from_json, from_value,
 };
 use calibration::CalibrationKind;
-use compute::Terms;
+use compute::{Seen, Terms};
 use evaluation::{EVALUATION, EvaluationKind};
+use hub::{Hub, StreamTask};
 use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
 use recorded::job::RecordedTerms;
 use sequences::Sequences;
-use tracks::Tracks;
 use workers::Workers;
+
+use crate::detect::Watch;
 
 /// The service without its doors.
 #[derive(Debug)]
@@ -44,6 +47,9 @@ pub struct Service {
     store: Store,
     workers: Workers,
     sequences: Sequences,
+    hub: Hub,
+    /// The name by which others know this node.
+    node: String,
     jobs: Jobs,
     known: Arc<Known>,
 }
@@ -70,13 +76,20 @@ impl Service {
         let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
         let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
         let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
-        Ok(Self { settings, store, workers, sequences, jobs, known: Arc::default() })
+        let (hub, node) = (Hub::new(&settings.streams), settings.zenoh.node_name());
+        Ok(Self { settings, store, workers, sequences, hub, node, jobs, known: Arc::default() })
     }
 
     /// The settings.
     #[must_use]
     pub const fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// The name by which others know this node.
+    #[must_use]
+    pub fn node(&self) -> &str {
+        &self.node
     }
 
     /// The store.
@@ -149,7 +162,8 @@ impl Service {
     /// # Errors
     /// Names the field.
     pub async fn check_stream(&self, stream: &StreamWire) -> Result<(), Fault> {
-        compute::FrameTask::for_estimate(stream.clone().into(), &self.lookup()).await.map(|_| ())
+        let note = FrameNote::default();
+        StreamTask::checked("checked", stream.clone(), &note, &self.lookup(), &self.settings).await.map(|_| ())
     }
 
     /// Points to pose.
@@ -231,22 +245,25 @@ impl Service {
     ) -> Result<DetectionReply, Fault> {
         let terms = Terms::of(&self.settings);
         let task = compute::FrameTask::checked(request, &self.lookup()).await?;
-        let Some(name) = task.sequence().map(str::to_owned) else {
-            let work = move || {
-                let (frame, detection, timing) = task.detected(&frame, &terms)?;
-                Ok(task.detection_reply(&frame, &detection, timing))
-            };
-            return self.workers.run(deadline, work).await?;
-        };
-        // The turn ends with the work, so a worker never waits for another frame.
-        let mut watch = self.sequences.turn(&name, deadline).await?;
+        let mut turn = self.turn(&task, deadline).await?;
         let work = move || {
-            let (frame, detection, timing) = task.followed(&frame, &terms, &mut watch)?;
-            let beginning = watch.beginning().map(|beginning| beginning.name().into());
-            let sequence = Some(SequenceWire { name, beginning });
-            Ok(DetectionReply { sequence, ..task.detection_reply(&frame, &detection, timing) })
+            let (frame, detection, timing) = task.seen(Seen::Bytes(&frame), &terms, turn.as_deref_mut())?;
+            Ok(task.detection_reply(&frame, &detection, turn.as_deref(), timing))
         };
         self.workers.run(deadline, work).await?
+    }
+
+    /// What is known of the sequence that a frame belongs to, for it alone. The turn ends with the work, so that a worker never waits for
+    /// another frame.
+    async fn turn(
+        &self,
+        task: &compute::FrameTask,
+        deadline: Instant,
+    ) -> Result<Option<OwnedMutexGuard<Watch>>, Fault> {
+        match task.sequence() {
+            Some(name) => Ok(Some(self.sequences.turn(name, deadline).await?)),
+            None => Ok(None),
+        }
     }
 
     /// Frame to centroids and poses.
@@ -261,32 +278,10 @@ impl Service {
     ) -> Result<EstimateReply, Fault> {
         let terms = Terms::of(&self.settings);
         let task = compute::FrameTask::for_estimate(request, &self.lookup()).await?;
+        let mut turn = self.turn(&task, deadline).await?;
         let work = move || {
-            let (frame, estimate, timing) = task.estimated(&frame, &terms)?;
-            Ok(task.estimate_reply(&frame, &estimate, timing))
-        };
-        self.workers.run(deadline, work).await?
-    }
-
-    /// The same, and what is followed in the frames of the camera, of which this one was taken at `timestamp_us`.
-    ///
-    /// # Errors
-    /// What is wrong with the request, or that the service is full.
-    pub async fn estimate_followed(
-        &self,
-        frame: Bytes,
-        request: FrameRequest,
-        deadline: Instant,
-        tracks: Arc<Mutex<Tracks>>,
-        timestamp_us: i64,
-    ) -> Result<(EstimateReply, Option<TracksWire>), Fault> {
-        let terms = Terms::of(&self.settings);
-        let task = compute::FrameTask::for_estimate(request, &self.lookup()).await?;
-        let work = move || {
-            let (frame, estimate, timing) = task.estimated(&frame, &terms)?;
-            let mut tracks = tracks.lock().unwrap_or_else(PoisonError::into_inner);
-            let followed = tracks.step(timestamp_us, task.targets(), &estimate.targets)?;
-            Ok((task.estimate_reply(&frame, &estimate, timing), followed))
+            let (frame, estimate, timing) = task.estimated(Seen::Bytes(&frame), &terms, turn.as_deref_mut())?;
+            Ok(task.estimate_reply(&frame, &estimate, turn.as_deref(), timing))
         };
         self.workers.run(deadline, work).await?
     }

@@ -22,6 +22,7 @@ pub mod stream;
 pub mod swarm;
 pub mod target;
 pub mod track;
+pub mod track_options;
 
 use serde::de::DeserializeOwned;
 
@@ -45,6 +46,7 @@ pub use reference::Ref;
 pub use sighting::{DetectionReply, EstimateReply};
 pub use stream::StreamWire;
 pub use target::{MarkerWire, TargetWire};
+pub use track_options::TrackOptionsWire;
 
 /// Parses JSON; a fault names the place. What is no JSON is unreadable; JSON of the wrong shape is senseless.
 ///

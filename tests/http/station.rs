@@ -1,6 +1,6 @@
 //! A service of its own for each test, and a client.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::time::Duration;
 
@@ -177,4 +177,38 @@ pub fn assert_true_pose(pose: &Value) {
     let nees = error.dot(&covariance.cholesky().expect("positive definite").solve(&error));
     // 99.99 % of chi-square with six degrees of freedom.
     assert!(nees < 27.9, "{nees}");
+}
+
+/// Text without the value of its last member, `timing_us`, which differs by nature.
+pub fn without_timing(text: &[u8]) -> &[u8] {
+    let word = b"\"timing_us\":";
+    let at = text.windows(word.len()).position(|window| window == word).expect("it tells its times");
+    let value: Value = serde_json::from_slice(&text[at + word.len()..text.len() - 1]).expect("an object at the end");
+    assert!(value["total"].as_u64().is_some_and(|total| total > 0), "{value}");
+    &text[..at]
+}
+
+/// A frame, its camera, its target and the method for it.
+pub struct Case {
+    pub frame: Vec<u8>,
+    pub camera: Value,
+    pub target: Value,
+    pub method: &'static str,
+}
+
+/// Recorded frames of several kinds.
+pub fn corpus() -> Vec<Case> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/frames");
+    let truth = std::fs::read(folder.join("truth.json")).expect("a truth");
+    let truth: Value = serde_json::from_slice(&truth).expect("JSON");
+    let frames = truth["frames"].as_array().expect("frames");
+    let case = |entry: &Value| {
+        let name = entry["frame"].as_str().expect("a name");
+        let mut target = entry["target"].clone();
+        target["name"] = json!("recorded");
+        let method = if name.starts_with("led") { "beacon" } else { "color" };
+        let frame = std::fs::read(folder.join(name)).expect("a frame");
+        Case { frame, camera: entry["camera"].clone(), target, method }
+    };
+    frames.iter().step_by(2).map(case).collect()
 }

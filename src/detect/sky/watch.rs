@@ -7,6 +7,7 @@ use super::finder::Finder;
 use super::level::Level;
 use super::scene_change::scene_change;
 use super::track::Track;
+use crate::frame::Region;
 
 /// Most levels: the coarsest has 1/16 of the frame's width, where a thing of 200 px is 12.
 const MOST_LEVELS: usize = 5;
@@ -37,7 +38,7 @@ pub enum Beginning {
     First,
     /// Frames or time are missing before it, or it comes from earlier.
     Gap,
-    /// It has another size than the one before.
+    /// It has another size than the one before, or another part of it is looked at.
     Resized,
     /// It shows another scene.
     Cut,
@@ -74,6 +75,8 @@ pub struct Watch {
     last_id: u32,
     last: Option<Stamp>,
     beginning: Option<Beginning>,
+    /// The part of the frame that is looked at.
+    part: Option<Region>,
     /// Luma of a frame that is stored otherwise.
     pub(super) samples: Vec<u8>,
 }
@@ -120,6 +123,13 @@ impl Watch {
         let moving = has_past.then_some(self.change.moving.as_slice());
         self.finder.find(&self.levels, moving, index, &mut self.candidates);
         self.associate(missing.unwrap_or(0));
+    }
+
+    /// From now on at this part of the frames; places in another part are other places.
+    pub(super) fn look_at(&mut self, part: Region) {
+        if self.part.replace(part).is_some_and(|before| before != part) {
+            self.size = [0; 2];
+        }
     }
 
     /// Frames missing before one; none if it does not follow.

@@ -7,8 +7,7 @@ use utoipa::ToSchema;
 
 use super::keys::{ALIVE_CAMERA, ALIVE_NODE, CAMERA, Call, RPC, Topic};
 use crate::shell::config::ZenohSettings;
-use crate::shell::wire::swarm::{CameraStatus, EstimateNote, FrameNote};
-use crate::shell::wire::track::TracksWire;
+use crate::shell::wire::swarm::EstimateNote;
 
 /// The document, YAML.
 #[must_use]
@@ -152,7 +151,7 @@ fn messages() -> Value {
             "contentType": "image/jpeg",
             "summary": "A frame, its encoding stated as Zenoh does: image/jpeg, image/png, image/webp, ...; raw pixels as \
                 application/octet-stream with width, height and format in the attachment.",
-            "headers": own(&FrameNote::name()), "payload": picture,
+            "headers": of_http("FrameNote"), "payload": picture,
         }),
     );
     add(
@@ -162,9 +161,9 @@ fn messages() -> Value {
     add(
         "track",
         json!({"summary": "What targets do over time, after a frame; nothing after one that is not younger than the last.",
-               "headers": own(&EstimateNote::name()), "payload": own(&TracksWire::name())}),
+               "headers": own(&EstimateNote::name()), "payload": of_http("Tracks")}),
     );
-    add("status", json!({"summary": "What has become of the frames.", "payload": own(&CameraStatus::name())}));
+    add("status", json!({"summary": "What has become of the frames.", "payload": of_http("CameraStatus")}));
     add("problem", json!({"contentType": "application/problem+json", "payload": of_http("Problem")}));
     for (call, request, headers, reply) in [
         (Call::Poses, of_http("OneOrMany"), None, "ReplyOrReplies"),
@@ -187,16 +186,8 @@ fn messages() -> Value {
 
 /// The shapes that HTTP does not have.
 fn schemas() -> Value {
-    let mut found = Vec::new();
-    for (name, schema, collect) in [
-        (FrameNote::name(), <FrameNote as utoipa::PartialSchema>::schema(), FrameNote::schemas as fn(&mut Vec<_>)),
-        (EstimateNote::name(), <EstimateNote as utoipa::PartialSchema>::schema(), EstimateNote::schemas),
-        (TracksWire::name(), <TracksWire as utoipa::PartialSchema>::schema(), TracksWire::schemas),
-        (CameraStatus::name(), <CameraStatus as utoipa::PartialSchema>::schema(), CameraStatus::schemas),
-    ] {
-        found.push((name.into_owned(), schema));
-        collect(&mut found);
-    }
+    let mut found = vec![(EstimateNote::name().into_owned(), <EstimateNote as utoipa::PartialSchema>::schema())];
+    EstimateNote::schemas(&mut found);
     let written = |(name, schema)| Some((name, serde_json::to_value(schema).ok()?));
     Value::Object(found.into_iter().filter_map(written).collect())
 }

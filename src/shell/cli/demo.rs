@@ -23,7 +23,7 @@ use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::http::App;
 use crate::shell::http::server::Server;
 use crate::shell::service::Service;
-use crate::shell::service::compute::{FrameTask, Terms};
+use crate::shell::service::compute::{FrameTask, Seen, Terms};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::telemetry;
 use crate::shell::wire::{CameraWire, EstimateReply, FrameRequest, Ref, TargetWire};
@@ -129,7 +129,7 @@ async fn annotated(jpeg: &[u8]) -> Result<Vec<u8>, Fault> {
         ..FrameRequest::default()
     };
     let task = FrameTask::for_estimate(request, &Lookup::new(None, std::sync::Arc::default())).await?;
-    let (frame, estimate, _) = task.estimated(jpeg, &Terms::of(&Settings::default()))?;
+    let (frame, estimate, _) = task.estimated(Seen::Bytes(jpeg), &Terms::of(&Settings::default()), None)?;
     let overlay = Overlay::of(&estimate.detection, task.targets(), &estimate.targets);
     let drawn = Frame::from_rgb_image(annotate(&frame, task.camera(), &overlay)).map_err(internal)?;
     encode::jpeg(&drawn, QUALITY).map_err(internal)

@@ -98,8 +98,8 @@ pub(super) struct Estimate {
     /// The camera: a file (JSON, ROS' YAML, OpenCV's YAML or XML), or with --data the name of a stored one.
     #[arg(long, value_name = "FILE", required_unless_present = "requests")]
     camera: Option<PathBuf>,
-    /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times.
-    #[arg(long, value_name = "FILE", required_unless_present = "requests")]
+    /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times; edge needs none.
+    #[arg(long, value_name = "FILE")]
     target: Vec<PathBuf>,
     /// Most of each target to look for; further ones are further entries of the reply.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -381,24 +381,22 @@ impl Looking {
 
     fn answer(&mut self, seen: Seen<'_>, task: &FrameTask, path: &Path) -> Result<Value, Fault> {
         let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
+        let watch = &mut self.memory.watch;
         match self.kind {
             Kind::Detection => {
-                let watch = self.memory.watch.as_mut();
-                let (frame, mut detection, timing) = task.seen(seen, &self.terms, watch)?;
+                let (frame, mut detection, timing) = task.seen(seen, &self.terms, watch.as_mut())?;
                 if let Some(persistence) = &mut self.memory.persistence {
                     persistence.sift(&mut detection);
                 }
                 self.pictures.write(path, &frame, task, &Overlay::of(&detection, &[], &[]))?;
-                serde_json::to_value(task.detection_reply(&frame, &detection, timing)).map_err(internal)
+                let reply = task.detection_reply(&frame, &detection, watch.as_ref(), timing);
+                serde_json::to_value(reply).map_err(internal)
             }
             Kind::Estimate => {
-                let (frame, estimate, timing) = match seen {
-                    Seen::Bytes(bytes) => task.estimated(bytes, &self.terms)?,
-                    Seen::Frame { frame, decode_us } => task.estimated_in(frame, decode_us, &self.terms)?,
-                };
+                let (frame, estimate, timing) = task.estimated(seen, &self.terms, watch.as_mut())?;
                 let overlay = Overlay::of(&estimate.detection, task.targets(), &estimate.targets);
                 self.pictures.write(path, &frame, task, &overlay)?;
-                serde_json::to_value(task.estimate_reply(&frame, &estimate, timing)).map_err(internal)
+                serde_json::to_value(task.estimate_reply(&frame, &estimate, watch.as_ref(), timing)).map_err(internal)
             }
         }
     }

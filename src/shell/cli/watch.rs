@@ -1,99 +1,74 @@
-//! `skypose watch`: estimates of a network, as they come.
+//! `skypose watch`: what cameras see, as it comes, of a Zenoh network or of a server.
+
+#[cfg(feature = "zenoh")]
+mod network;
+mod server;
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
-use serde_json::{Value, json};
-use zenoh::handlers::RingChannel;
-use zenoh::sample::Sample;
 
 use super::Stop;
-use super::network::{GroupArgs, connect, runtime};
-use crate::shell::bus::keys::{CameraKey, Topic};
-use crate::shell::console::{note, print_line};
-use crate::shell::fault::{Fault, FaultKind};
+#[cfg(feature = "zenoh")]
+use super::network::GroupArgs;
+use crate::shell::wire::EstimateReply;
 use crate::shell::wire::swarm::EstimateNote;
-use crate::shell::wire::{EstimateReply, from_json};
 
 pub(super) const EXAMPLES: &str = "Examples:
+  skypose watch --server http://127.0.0.1:8080 --camera front
   skypose watch --zenoh tcp/127.0.0.1:7447
-  skypose watch --zenoh zenoh.json5 --node alpha --camera front --json";
+  skypose watch --zenoh zenoh.json5 --node alpha --camera front --json
 
-/// Estimates that wait to be printed; of more the oldest are left out.
-const WAITING: usize = 256;
+A server that goes away is looked for until it is there again, and what was missed meanwhile is printed as far as it has kept it.";
 
 #[derive(Args, Debug)]
 pub(super) struct Watch {
+    /// A server that looks at the frames of the camera.
+    #[arg(long, value_name = "URL", requires = "camera")]
+    #[cfg_attr(feature = "zenoh", arg(required_unless_present = "zenoh", conflicts_with_all = ["zenoh", "node"]))]
+    #[cfg_attr(not(feature = "zenoh"), arg(required = true))]
+    server: Option<String>,
     /// Where the network is: an endpoint to connect to, or a Zenoh configuration file.
+    #[cfg(feature = "zenoh")]
     #[arg(long, value_name = "ENDPOINT|FILE")]
-    zenoh: String,
-    /// Only what this node tells.
-    #[arg(long, value_name = "NAME", default_value = "*")]
-    node: String,
-    /// Only of this camera.
-    #[arg(long, value_name = "NAME", default_value = "*")]
-    camera: String,
+    zenoh: Option<String>,
+    /// With --zenoh: only what this node tells.
+    #[cfg(feature = "zenoh")]
+    #[arg(long, value_name = "NAME", requires = "zenoh")]
+    node: Option<String>,
+    /// The camera, by the name under which it sends; with --zenoh all of them, if left out.
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
     /// End after so many estimates.
     #[arg(long, value_name = "N")]
     count: Option<u64>,
     /// For programs: one JSON object a line, with the whole estimate and what stands beside it.
     #[arg(long)]
     json: bool,
+    #[cfg(feature = "zenoh")]
     #[command(flatten)]
     group: GroupArgs,
 }
 
 impl Watch {
     pub(super) fn run(self) -> Result<(), Stop> {
-        let keys = self.group.keys()?;
-        let key = keys.camera(&self.node, &self.camera, Topic::Estimate)?;
-        runtime()?.block_on(async {
-            let failed = |error: zenoh::Error| Fault::new(FaultKind::Internal, error.to_string());
-            let session = connect(&self.zenoh).await?;
-            let estimates = session.declare_subscriber(&key).with(RingChannel::new(WAITING)).await.map_err(failed)?;
-            note(&format!("watching {key}"));
-            let mut left = self.count.unwrap_or(u64::MAX);
-            while left > 0 {
-                let sample = estimates.recv_async().await.map_err(failed)?;
-                let Some(from) = keys.read_camera(sample.key_expr()) else { continue };
-                left -= 1;
-                for line in self.lines(&from, &sample) {
-                    print_line(&line)?;
-                }
-            }
-            session.close().await.map_err(failed)?;
-            Ok(())
-        })
-    }
-
-    fn lines(&self, from: &CameraKey, sample: &Sample) -> Vec<String> {
-        let beside = sample.attachment().map(|attachment| attachment.to_bytes().into_owned()).unwrap_or_default();
-        let payload = sample.payload().to_bytes();
-        if self.json {
-            let value = |bytes: &[u8]| serde_json::from_slice::<Value>(bytes).unwrap_or(Value::Null);
-            let line = json!({
-                "node": from.node, "camera": from.camera, "note": value(&beside), "estimate": value(&payload),
-            });
-            return vec![line.to_string()];
+        #[cfg(feature = "zenoh")]
+        if let Some(network) = &self.zenoh {
+            return self.watch_network(network);
         }
-        let head = format!("{}/{}", from.node, from.camera);
-        match (from_json::<EstimateReply>(&payload), from_json::<EstimateNote>(&beside)) {
-            (Ok(reply), Ok(note)) => lines(&head, &reply, &note),
-            (Err(fault), _) | (_, Err(fault)) => {
-                vec![format!("{head}  not an estimate: {}", fault.to_string().escape_debug())]
-            }
-        }
+        let server = self.server.as_deref().unwrap_or_default();
+        self.watch_server(server, self.camera.as_deref().unwrap_or_default())
     }
 }
 
-/// For people: one line a target. What comes from the network is printed without what a terminal would obey.
-fn lines(head: &str, reply: &EstimateReply, note: &EstimateNote) -> Vec<String> {
-    let number = note.sequence.map_or_else(String::new, |sequence| format!(" #{sequence}"));
-    let age = note.timestamp_us.map_or_else(String::new, |taken_us| {
+/// For people: one line a target. What comes from elsewhere is printed without what a terminal would obey.
+fn lines(head: &str, reply: &EstimateReply, note: Option<&EstimateNote>) -> Vec<String> {
+    let number = note.and_then(|note| note.sequence).map_or_else(String::new, |sequence| format!(" #{sequence}"));
+    let age = reply.frame.timestamp_us.map_or_else(String::new, |taken_us| {
         let age_ms = now_us().saturating_sub(taken_us) as f64 / 1e3;
         format!(", {age_ms:.1} ms old")
     });
-    let total_ms = note.latency_us.total as f64 / 1e3;
+    let total_ms = note.map_or(reply.timing_us.total, |note| note.latency_us.total) as f64 / 1e3;
     let line = |target: &crate::shell::wire::sighting::TargetEstimateWire| {
         let name = target.name.escape_debug();
         let Some(pose) = &target.answer.pose else {

@@ -12,8 +12,8 @@ use super::App;
 /// The document's head; routes and schemas come from the handlers.
 #[derive(OpenApi)]
 #[openapi(
-    // The result stands in its job as JSON of any kind.
-    components(schemas(crate::shell::wire::calibration::CalibrationWire, crate::shell::wire::evaluation::EvaluationWire, crate::shell::wire::recorded::RecordedWire)),
+    // The result stands in its job as JSON of any kind; events are of several kinds.
+    components(schemas(crate::shell::wire::swarm::CameraStatus, crate::shell::wire::swarm::GapWire, crate::shell::wire::track::TracksWire, crate::shell::wire::calibration::CalibrationWire, crate::shell::wire::evaluation::EvaluationWire, crate::shell::wire::recorded::RecordedWire)),
     info(
         title = "Skypose",
         description = "Six-degree-of-freedom pose of a marked UAV from the frames of a calibrated camera.\n\nUnits stand in the \
@@ -31,7 +31,7 @@ use super::App;
         (name = "Calibrations", description = "Pictures of a board to a camera"),
         (name = "Evaluations", description = "Cases with known truth to figures of solvers"),
         (name = "Targets", description = "Stored targets"),
-        (name = "Streams", description = "What is looked for in the frames that cameras send over Zenoh"),
+        (name = "Streams", description = "Cameras that send frame after frame: what is looked for in them, and what is seen"),
         (name = "Health", description = "State of the service"),
     )
 )]

@@ -12,7 +12,7 @@ use futures_util::StreamExt;
 use serde::de::DeserializeOwned;
 
 pub use frame::FramePost;
-pub use query::FrameQuery;
+pub use query::{FrameQuery, NoteQuery};
 pub use upload::{FormParts, receive};
 
 use super::App;

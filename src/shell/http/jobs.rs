@@ -6,12 +6,13 @@ use std::time::Duration;
 use axum::extract::{FromRequestParts, Path};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::sse::Event;
 use axum::response::{IntoResponse, Response};
 use futures_util::{Stream, stream};
 
 use super::App;
 use super::error::ApiError;
+use super::events;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::jobs::{Deleted, Jobs, REPORT};
 use crate::shell::store::jobs::Job;
@@ -19,8 +20,6 @@ use crate::shell::wire::{JobEventWire, JobWire};
 
 /// How often it is looked for events that happened in another process.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// A line now and then, so that nobody on the way takes the connection for dead.
-const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Longest `Idempotency-Key`.
 const MAX_KEY: usize = 255;
 
@@ -100,14 +99,11 @@ pub async fn delete(app: &App, kind: &str, id: &str) -> Result<Response, Fault> 
 pub async fn events(app: &App, kind: &str, id: &str, headers: &HeaderMap) -> Result<Response, Fault> {
     let jobs = app.service.jobs();
     let job = jobs.get(kind, id).await?;
-    let last = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok()).unwrap_or(0);
+    let last = events::last_id(headers).and_then(|id| id.parse().ok()).unwrap_or(0);
     if job.status.is_final() && jobs.events(id, last).await?.is_empty() {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let stream = stream_of(jobs.clone(), job.kind, job.id, last);
-    let stream = Sse::new(stream).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
-    // Proxies that gather replies would hold events back.
-    Ok(([("x-accel-buffering", "no"), ("cache-control", "no-store")], stream).into_response())
+    Ok(events::response(stream_of(jobs.clone(), job.kind, job.id, last)))
 }
 
 fn stream_of(

@@ -1,4 +1,4 @@
-//! `/v1/streams`: what is looked for in the frames that cameras send over Zenoh.
+//! `/v1/streams`: what is looked for in the frames that cameras send.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -35,7 +35,7 @@ pub async fn get(State(app): State<App>, Name(name): Name, headers: HeaderMap) -
 
 /// Stores a stream.
 ///
-/// From the next frame on that a camera of this name sends over Zenoh, these targets are looked for in it.
+/// From the next frame on that a camera of this name sends, over Zenoh or HTTP, these targets are looked for in it.
 #[utoipa::path(
     put, path = "/v1/streams/{camera}", tag = "Streams",
     params(

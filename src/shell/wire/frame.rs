@@ -37,7 +37,7 @@ pub struct FrameRequest {
     pub refine: bool,
     /// When the frame was taken, microseconds since the Unix epoch; copied to the reply.
     pub timestamp_us: Option<i64>,
-    /// Detections by `edge`: the sequence that the frame belongs to, by a name of the client's choice. Frames of one name are taken in
+    /// Method `edge`: the sequence that the frame belongs to, by a name of the client's choice. Frames of one name are taken in
     /// the order in which they come, and what is found in them is followed from frame to frame.
     #[schema(max_length = 128)]
     pub sequence: Option<String>,

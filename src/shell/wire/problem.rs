@@ -33,6 +33,8 @@ impl FaultKind {
             Self::TooLarge => (413, "too-large", "The request is too large"),
             Self::NotAFrame => (415, "not-a-frame", "The body is not of a type that is read here"),
             Self::Senseless => (422, "senseless", "The request can be read but makes no sense"),
+            Self::Replaced => (409, "replaced", "A newer frame came before this one's turn"),
+            Self::TooOld => (409, "too-old", "The frame is too old"),
             Self::Overloaded => (503, "overloaded", "The service is full"),
             Self::Unreachable => (503, "unreachable", "The store cannot be reached"),
             Self::DeadlineExceeded => (503, "deadline-exceeded", "The request took too long"),

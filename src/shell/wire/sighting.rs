@@ -5,7 +5,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::pose::Answer;
-use crate::detect::{self, Detection};
+use crate::detect::{self, Detection, Watch};
 use crate::frame::{Frame, Region};
 use crate::pipeline::TargetEstimate;
 use crate::target::Target;
@@ -23,18 +23,22 @@ pub struct FrameInfo {
     /// The orientation that the file states and that was not applied: EXIF, 2 to 8.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<u8>,
+    /// The part that was searched: x, y, width, height in whole pixels. The whole frame if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region_px: Option<[u32; 4]>,
 }
 
 impl FrameInfo {
-    /// Of a frame.
+    /// Of a frame, of which a part was searched or all.
     #[must_use]
-    pub fn of(frame: &Frame, timestamp_us: Option<i64>) -> Self {
+    pub fn of(frame: &Frame, timestamp_us: Option<i64>, region: Option<Region>) -> Self {
         let orientation = frame.orientation().exif();
         Self {
             width: frame.width(),
             height: frame.height(),
             timestamp_us,
             orientation: (orientation != 1).then_some(orientation),
+            region_px: region.filter(|region| *region != frame.full()).map(box_of),
         }
     }
 }
@@ -142,6 +146,21 @@ pub struct Timing {
     pub total: u64,
 }
 
+impl Timing {
+    /// With what was done before for the same frame.
+    #[must_use]
+    pub fn after(self, before: &Self) -> Self {
+        let both = |a: Option<u64>, b: Option<u64>| Some(a?.saturating_add(b.unwrap_or(0)));
+        Self {
+            decode: self.decode + before.decode,
+            detect: self.detect + before.detect,
+            identify: both(self.identify, before.identify),
+            solve: both(self.solve, before.solve),
+            total: self.total + before.total,
+        }
+    }
+}
+
 /// Where in its sequence a frame stands.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
 #[schema(as = Sequence)]
@@ -152,6 +171,14 @@ pub struct SequenceWire {
     /// (another scene). Null where they go on.
     #[schema(required = true)]
     pub beginning: Option<String>,
+}
+
+impl SequenceWire {
+    /// Of the frame that was looked at last.
+    #[must_use]
+    pub fn of(name: &str, watch: &Watch) -> Self {
+        Self { name: name.into(), beginning: watch.beginning().map(|beginning| beginning.name().into()) }
+    }
 }
 
 /// Reply to a detection request.
@@ -216,6 +243,9 @@ pub struct EstimateReply {
     /// Hues of the markers, from, to in degrees, learned from the request's `sample_px`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hue_range_deg: Option<[f64; 2]>,
+    /// The sequence that it belongs to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sequence: Option<SequenceWire>,
     /// Candidates for markers, the best first, each with the marker that it was identified with.
     pub centroids: Vec<CentroidWire>,
     /// One for each target asked for, in that order; with `max_instances`, where several of a target are in view, one for each

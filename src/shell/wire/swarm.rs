@@ -1,4 +1,4 @@
-//! What stands beside frames and estimates on the network: attachments, and the status of a camera.
+//! What stands beside the frames and estimates of a camera: notes, its status, what was not told of it.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -7,7 +7,7 @@ use super::Problem;
 use super::frame::RawFormatName;
 use super::sighting::Timing;
 
-/// What a camera says of its frame: the attachment, JSON. All of it may be left out.
+/// What a camera says of its frame, over Zenoh in the attachment, over HTTP in the query. All of it may be left out.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(default)]
 pub struct FrameNote {
@@ -76,6 +76,18 @@ impl Ledger {
             total,
         }
     }
+}
+
+/// What a ground station has not been told: it read too slowly, came again too late, or the service was started anew.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
+#[schema(as = EstimatesGap)]
+pub struct GapWire {
+    /// Estimates and tracks that are not kept any more; null where nobody knows, as the service was started since, or as the number is
+    /// none of its own.
+    #[schema(required = true)]
+    pub missed_count: Option<u64>,
+    /// Number of the event that comes next.
+    pub next_id: u64,
 }
 
 /// What has become of a camera's frames since the service began to listen.

@@ -1,24 +1,48 @@
-//! A frame with its request: the frame as the body and the request in the query, or both as parts of a form.
+//! A frame with what is said of it: the frame as the body and the rest in the query, or both as parts of a form.
 
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Multipart, Request};
 
-use super::{FrameQuery, content_type, read};
+use serde::de::DeserializeOwned;
+
+use super::{FrameQuery, NoteQuery, content_type, read};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::http::App;
 use crate::shell::http::error::ApiError;
+use crate::shell::wire::swarm::FrameNote;
 use crate::shell::wire::{FrameRequest, from_json};
 
-/// The bytes of a frame and what is asked of it.
+/// The bytes of a frame and what is asked or said of it.
 #[derive(Debug)]
-pub struct FramePost {
+pub struct FramePost<R = FrameRequest> {
     /// As they came.
     pub frame: Bytes,
     /// What is asked.
-    pub request: FrameRequest,
+    pub request: R,
 }
 
-impl FromRequest<App> for FramePost {
+/// What may come with a frame.
+pub trait Beside: DeserializeOwned + Default {
+    /// From the query.
+    ///
+    /// # Errors
+    /// Names the parameter.
+    fn of_query(query: &str) -> Result<Self, Fault>;
+}
+
+impl Beside for FrameRequest {
+    fn of_query(query: &str) -> Result<Self, Fault> {
+        FrameQuery::read(query)
+    }
+}
+
+impl Beside for FrameNote {
+    fn of_query(query: &str) -> Result<Self, Fault> {
+        NoteQuery::read(query)
+    }
+}
+
+impl<R: Beside> FromRequest<App> for FramePost<R> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {
@@ -40,12 +64,12 @@ impl FromRequest<App> for FramePost {
             // A form is small change beside a frame: it is read whole and taken apart in memory.
             return Self::from_form(Request::from_parts(parts, Body::from(bytes)), app).await;
         }
-        let request = FrameQuery::read(parts.uri.query().unwrap_or_default())?;
+        let request = R::of_query(parts.uri.query().unwrap_or_default())?;
         Ok(Self { frame: bytes, request })
     }
 }
 
-impl FramePost {
+impl<R: Beside> FramePost<R> {
     async fn from_form(request: Request, app: &App) -> Result<Self, ApiError> {
         let unreadable = |detail: String| ApiError(Fault::new(FaultKind::Unreadable, detail));
         let mut form = Multipart::from_request(request, app)
@@ -69,9 +93,9 @@ impl FramePost {
             *slot = Some(bytes);
         }
         let frame = frame.ok_or_else(|| unreadable("the form has no part `frame`".into()))?;
-        let request: FrameRequest = match request {
+        let request: R = match request {
             Some(bytes) => from_json(&bytes)?,
-            None => FrameRequest::default(),
+            None => R::default(),
         };
         Ok(Self { frame, request })
     }

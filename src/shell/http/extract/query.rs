@@ -1,4 +1,4 @@
-//! The request of a frame as query parameters.
+//! What is asked or said of a frame as query parameters.
 
 use serde_json::{Map, Value};
 use utoipa::IntoParams;
@@ -7,6 +7,7 @@ use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::wire::detector::{GrayName, Method, Preset};
 use crate::shell::wire::frame::{OrientationHandling, RawFormatName};
 use crate::shell::wire::pose::SolverName;
+use crate::shell::wire::swarm::FrameNote;
 use crate::shell::wire::{FrameRequest, from_value};
 
 /// The parameters, for the API document. They are those of the JSON request, those of its detector among them.
@@ -63,7 +64,7 @@ pub struct FrameQuery {
     refine: Option<bool>,
     /// When the frame was taken, microseconds since the Unix epoch.
     timestamp_us: Option<i64>,
-    /// Detections by `edge`: the sequence that the frame belongs to, by a name of the client's choice.
+    /// Method `edge`: the sequence that the frame belongs to, by a name of the client's choice.
     #[param(max_length = 128)]
     sequence: Option<String>,
     /// Number of the frame in its sequence.
@@ -128,6 +129,54 @@ const DETECTOR: [(&str, Form); 15] = [
     ("threshold", Form::Number),
 ];
 
+/// The parameters of a frame that a camera sends, for the API document.
+#[derive(Debug, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[expect(dead_code, reason = "read by the document only")]
+pub struct NoteQuery {
+    /// Number of the frame; each is one more than the one before. By it lost frames are counted.
+    sequence: Option<u64>,
+    /// When the frame was taken, microseconds since the Unix epoch; copied to the estimate. By it frames that are too old are dropped.
+    timestamp_us: Option<i64>,
+    /// Width of a raw frame.
+    width: Option<u32>,
+    /// Height of a raw frame.
+    height: Option<u32>,
+    /// Pixel format of a raw frame.
+    format: Option<RawFormatName>,
+}
+
+/// Parameters of a frame that a camera sends.
+const NOTE: [(&str, Form); 5] = [
+    ("sequence", Form::Number),
+    ("timestamp_us", Form::Number),
+    ("width", Form::Number),
+    ("height", Form::Number),
+    ("format", Form::Text),
+];
+
+impl NoteQuery {
+    /// What a query string says of a frame.
+    ///
+    /// # Errors
+    /// As [`FrameQuery::read`].
+    pub fn read(query: &str) -> Result<FrameNote, Fault> {
+        let mut note = Map::new();
+        for (name, text) in form_urlencoded::parse(query.as_bytes()) {
+            let Some((_, form)) = NOTE.iter().find(|(known, _)| *known == name) else {
+                return Err(unknown(&name, &NOTE));
+            };
+            set(&mut note, &name, value(&name, &text, *form)?)?;
+        }
+        from_value(Value::Object(note))
+    }
+}
+
+fn unknown<'a>(name: &str, known: impl IntoIterator<Item = &'a (&'a str, Form)>) -> Fault {
+    let known: Vec<&str> = known.into_iter().map(|(name, _)| *name).collect();
+    Fault::new(FaultKind::Senseless, format!("no parameter {name:?}; the parameters are {}", known.join(", ")))
+}
+
 impl FrameQuery {
     /// The request that a query string stands for.
     ///
@@ -151,9 +200,7 @@ impl FrameQuery {
             } else if let Some(form) = form(&DETECTOR) {
                 set(&mut detector, &name, value(&name, &text, form)?)?;
             } else {
-                let known: Vec<&str> = REQUEST.iter().chain(&DETECTOR).map(|(name, _)| *name).collect();
-                let detail = format!("no parameter {name:?}; the parameters are {}", known.join(", "));
-                return Err(Fault::new(FaultKind::Senseless, detail));
+                return Err(unknown(&name, REQUEST.iter().chain(&DETECTOR)));
             }
         }
         if !detector.is_empty() {
@@ -179,6 +226,7 @@ fn value(name: &str, text: &str, form: Form) -> Result<Value, Fault> {
         text.parse::<i64>()
             .ok()
             .map(Value::from)
+            .or_else(|| text.parse::<u64>().ok().map(Value::from))
             .or_else(|| text.parse::<f64>().ok().filter(|x| x.is_finite()).map(Value::from))
     };
     match form {
@@ -206,6 +254,21 @@ mod tests {
         let json = br#"{"camera": "front", "targets": ["wing-six", "tail"], "detector": {"method": "color", "min_contrast": 9.5},
             "region_px": [1, 2, 30, 40], "refine": false, "timestamp_us": 1700000000000000}"#;
         assert_eq!(read, crate::shell::wire::from_json(json).expect("good JSON"));
+    }
+
+    #[test]
+    fn a_note_says_what_the_attachment_says() {
+        let read = NoteQuery::read(
+            "sequence=18446744073709551615&timestamp_us=1700000000000000&width=64&height=48&format=nv12",
+        );
+        let json = br#"{"sequence": 18446744073709551615, "timestamp_us": 1700000000000000, "width": 64, "height": 48, "format": "nv12"}"#;
+        assert_eq!(read, crate::shell::wire::from_json(json));
+        for (query, word) in
+            [("camera=front", "timestamp_us"), ("sequence=-1", "/sequence"), ("format=magic", "/format")]
+        {
+            let fault = NoteQuery::read(query).expect_err(query);
+            assert!(fault.to_string().contains(word), "{fault}");
+        }
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::wire::frame::OrientationHandling;
-use crate::shell::wire::sighting::{FrameInfo, TargetEstimateWire, Timing, centroids_of, refused_of};
+use crate::shell::wire::sighting::{FrameInfo, SequenceWire, TargetEstimateWire, Timing, centroids_of, refused_of};
 use crate::shell::wire::{DetectionReply, EstimateReply, FrameRequest};
 use crate::target::Target;
 
@@ -123,7 +123,7 @@ impl FrameTask {
     /// As [`checked`](Self::checked), with what a pose needs.
     ///
     /// # Errors
-    /// Also for a missing camera or target.
+    /// Also for a missing camera, or a missing target where only its markers could be found.
     pub async fn for_estimate(request: FrameRequest, lookup: &Lookup<'_>) -> Result<Self, Fault> {
         if request.camera.is_none() {
             return Err(Fault::senseless(
@@ -131,16 +131,32 @@ impl FrameTask {
                 "an estimate needs a camera: an object, or the name of a stored one",
             ));
         }
-        if request.targets.is_empty() {
-            return Err(Fault::senseless("/targets", "an estimate needs at least one target"));
-        }
-        if request.sequence.is_some() {
+        let task = Self::checked(request, lookup).await?;
+        if task.targets.is_empty() && !task.is_sequential() {
             return Err(Fault::senseless(
-                "/sequence",
-                "an estimate looks at a single frame; detections follow a sequence",
+                "/targets",
+                "an estimate needs at least one target, except by the method edge",
             ));
         }
-        Self::checked(request, lookup).await
+        Ok(task)
+    }
+
+    /// Whether the detector makes more of a frame that follows others.
+    #[must_use]
+    pub const fn is_sequential(&self) -> bool {
+        matches!(self.detector, Detector::Sky(_))
+    }
+
+    /// The same for a frame of a sequence of this name.
+    #[must_use]
+    pub fn of_sequence(self, name: &str) -> Self {
+        Self { sequence: Some(name.into()), ..self }
+    }
+
+    /// The same in this part of the frame alone.
+    #[must_use]
+    pub fn within(self, region: Region) -> Self {
+        Self { region: Some(region), ..self }
     }
 
     /// The frame of these bytes.
@@ -159,6 +175,12 @@ impl FrameTask {
         let frame = frame.map_err(|error| Fault::of_frame(&error))?;
         self.check(&frame)?;
         Ok(frame)
+    }
+
+    /// Whether the frame comes raw: then only the part that is looked at is taken of it.
+    #[must_use]
+    pub const fn is_raw(&self) -> bool {
+        self.raw.is_some()
     }
 
     /// What of a raw frame of this size is needed.
@@ -217,28 +239,8 @@ impl FrameTask {
         self.timestamp_us = Some(timestamp_us);
     }
 
-    /// The frame and its blobs, with the time that it took.
-    ///
-    /// # Errors
-    /// As [`decode`](Self::decode); a region that is not on the frame.
-    pub fn detected(&self, bytes: &[u8], terms: &Terms) -> Result<(Frame, Detection, Timing), Fault> {
-        self.seen(Seen::Bytes(bytes), terms, None)
-    }
-
-    /// As [`detected`](Self::detected), for the next frame of a sequence. What knows no sequences takes it as a single frame.
-    ///
-    /// # Errors
-    /// As [`detected`](Self::detected); the sequence then is as it was.
-    pub fn followed(
-        &self,
-        bytes: &[u8],
-        terms: &Terms,
-        watch: &mut Watch,
-    ) -> Result<(Frame, Detection, Timing), Fault> {
-        self.seen(Seen::Bytes(bytes), terms, Some(watch))
-    }
-
-    /// The blobs of a frame, decoded or not, which may be the next of a sequence.
+    /// The blobs of a frame, decoded or not, with the time that it took. It may be the next of a sequence; what knows no sequences
+    /// takes it as a single frame.
     ///
     /// # Errors
     /// As [`decode`](Self::decode); a frame that is not one of the camera; a region that is not on the frame. The sequence then
@@ -280,77 +282,69 @@ impl FrameTask {
         self.sequence.as_deref()
     }
 
-    /// The blobs as a reply.
+    fn place_in_sequence(&self, watch: Option<&Watch>) -> Option<SequenceWire> {
+        Some(SequenceWire::of(self.sequence()?, watch?))
+    }
+
+    /// The blobs as a reply; of a frame of a sequence, after it was observed.
     #[must_use]
-    pub fn detection_reply(&self, frame: &Frame, detection: &Detection, timing_us: Timing) -> DetectionReply {
+    pub fn detection_reply(
+        &self,
+        frame: &Frame,
+        detection: &Detection,
+        watch: Option<&Watch>,
+        timing_us: Timing,
+    ) -> DetectionReply {
         DetectionReply {
             id: self.id.clone(),
-            frame: FrameInfo::of(frame, self.timestamp_us),
+            frame: FrameInfo::of(frame, self.timestamp_us, self.region),
             hue_range_deg: self.hue_range_deg(frame),
-            sequence: None,
+            sequence: self.place_in_sequence(watch),
             centroids: centroids_of(detection),
             refused: refused_of(detection),
             timing_us,
         }
     }
 
-    /// The frame and what it shows, with the time that it took.
-    ///
-    /// # Errors
-    /// As [`detected`](Self::detected).
-    pub fn estimated(&self, bytes: &[u8], terms: &Terms) -> Result<(Frame, Estimate, Timing), Fault> {
-        let mut watch = Stopwatch::start();
-        let frame = self.decode(bytes, terms)?;
-        let decode = watch.lap("decode");
-        self.estimated_after(decode, frame, terms, watch)
-    }
-
-    /// As [`estimated`](Self::estimated) in a frame that took `decode_us` to decode.
+    /// The frame and what it shows, with the time that it took; the frame as in [`seen`](Self::seen).
     ///
     /// # Errors
     /// As [`seen`](Self::seen).
-    pub fn estimated_in(
+    pub fn estimated(
         &self,
-        frame: Frame,
-        decode_us: u64,
+        seen: Seen<'_>,
         terms: &Terms,
+        watch: Option<&mut Watch>,
     ) -> Result<(Frame, Estimate, Timing), Fault> {
-        self.check(&frame)?;
-        let (frame, estimate, mut timing) = self.estimated_after(decode_us, frame, terms, Stopwatch::start())?;
-        timing.total += decode_us;
-        Ok((frame, estimate, timing))
-    }
-
-    fn estimated_after(
-        &self,
-        decode: u64,
-        frame: Frame,
-        terms: &Terms,
-        mut watch: Stopwatch,
-    ) -> Result<(Frame, Estimate, Timing), Fault> {
-        let mut timing = Timing { decode, ..Timing::default() };
         let Some(camera) = &self.camera else {
             return Err(Fault::new(FaultKind::Internal, "an estimate without a camera"));
         };
+        let (frame, detection, mut timing) = self.seen(seen, terms, watch)?;
+        let mut stopwatch = Stopwatch::start();
         let options = pipeline::Options {
-            detector: self.detector_for(&frame)?.into_owned(),
+            detector: self.detector.clone(),
             region: self.region,
             identify: terms.identify,
             max_instances: self.max_instances,
             pose: self.pose,
             model_sigma_px: terms.model_sigma_px,
         };
-        let estimate = pipeline::estimate(&frame, camera, &self.targets, &options, |stage| match stage {
-            Stage::Detect => timing.detect = watch.lap("detect"),
-            Stage::Identify => timing.identify = Some(watch.lap("identify")),
-            Stage::Solve => timing.solve = Some(watch.lap("solve")),
-        })
-        .map_err(|error| Fault::of_frame(&error))?;
-        timing.total = watch.total();
+        let estimate = pipeline::estimate_of(detection, camera, &self.targets, &options, |stage| match stage {
+            Stage::Detect => {}
+            Stage::Identify => timing.identify = Some(stopwatch.lap("identify")),
+            Stage::Solve => timing.solve = Some(stopwatch.lap("solve")),
+        });
+        timing.total += stopwatch.total();
         let posed = estimate.targets.iter().filter(|target| target.answer.is_ok()).count();
         let outcome = if posed > 0 { "posed" } else { "not_posed" };
         metrics::counter!("skypose_frames_total", "outcome" => outcome).increment(1);
         Ok((frame, estimate, timing))
+    }
+
+    /// Where to look; the whole frame if nothing.
+    #[must_use]
+    pub const fn region(&self) -> Option<Region> {
+        self.region
     }
 
     /// The targets looked for.
@@ -365,9 +359,15 @@ impl FrameTask {
         self.camera.as_ref()
     }
 
-    /// What was found as a reply.
+    /// What was found as a reply; of a frame of a sequence, after it was observed.
     #[must_use]
-    pub fn estimate_reply(&self, frame: &Frame, estimate: &Estimate, timing_us: Timing) -> EstimateReply {
+    pub fn estimate_reply(
+        &self,
+        frame: &Frame,
+        estimate: &Estimate,
+        watch: Option<&Watch>,
+        timing_us: Timing,
+    ) -> EstimateReply {
         let mut centroids = centroids_of(&estimate.detection);
         let numbers = instances(&estimate.targets);
         for (found, number) in estimate.targets.iter().zip(&numbers) {
@@ -382,8 +382,9 @@ impl FrameTask {
         }
         EstimateReply {
             id: self.id.clone(),
-            frame: FrameInfo::of(frame, self.timestamp_us),
+            frame: FrameInfo::of(frame, self.timestamp_us, self.region),
             hue_range_deg: self.hue_range_deg(frame),
+            sequence: self.place_in_sequence(watch),
             centroids,
             targets: estimate
                 .targets

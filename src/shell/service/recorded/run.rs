@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use super::units::{Content, Unit};
 use crate::detect::{Detection, Watch};
 use crate::evaluate::recorded::{Truth, judge};
-use crate::frame::Frame;
 use crate::pipeline::TargetEstimate;
 use crate::shell::fault::Fault;
 use crate::shell::grab::{Grabber, Options, Source};
@@ -59,27 +58,16 @@ impl Looked {
 fn looked_at_file(unit: &Unit, terms: &Terms) -> Result<Looked, Fault> {
     let bytes = std::fs::read(&unit.path)
         .map_err(|error| Fault::new(crate::shell::fault::FaultKind::Unreadable, error.to_string()))?;
-    if unit.task.targets().is_empty() {
-        let (_, detection, timing) = unit.task.detected(&bytes, terms)?;
-        return Ok(Looked { detection, targets: Vec::new(), timing });
-    }
-    let (_, estimate, timing) = unit.task.estimated(&bytes, terms)?;
-    Ok(Looked { detection: estimate.detection, targets: estimate.targets, timing })
+    looked_at(&unit.task, Seen::Bytes(&bytes), terms, None)
 }
 
-/// The next frame of a video.
-fn looked_at(
-    task: &FrameTask,
-    frame: Frame,
-    decode_us: u64,
-    terms: &Terms,
-    watch: &mut Watch,
-) -> Result<Looked, Fault> {
+/// A frame, which may be the next of a video.
+fn looked_at(task: &FrameTask, seen: Seen<'_>, terms: &Terms, watch: Option<&mut Watch>) -> Result<Looked, Fault> {
     if task.targets().is_empty() {
-        let (_, detection, timing) = task.seen(Seen::Frame { frame, decode_us }, terms, Some(watch))?;
+        let (_, detection, timing) = task.seen(seen, terms, watch)?;
         return Ok(Looked { detection, targets: Vec::new(), timing });
     }
-    let (_, estimate, timing) = task.estimated_in(frame, decode_us, terms)?;
+    let (_, estimate, timing) = task.estimated(seen, terms, watch)?;
     Ok(Looked { detection: estimate.detection, targets: estimate.targets, timing })
 }
 
@@ -98,7 +86,8 @@ fn video(
     for grabbed in Grabber::open(&Source::File(unit.path.clone()), &options)? {
         let grabbed = grabbed?;
         task.set_place(grabbed.index, grabbed.timestamp_us);
-        let looked = looked_at(&task, grabbed.frame, grabbed.decode_us, terms, &mut watch)?;
+        let seen = Seen::Frame { frame: grabbed.frame, decode_us: grabbed.decode_us };
+        let looked = looked_at(&task, seen, terms, Some(&mut watch))?;
         next = grabbed.index + 1;
         if let Some(truth) = truths.get(&grabbed.index) {
             outcome.frames.push(looked.judged(Some(grabbed.index), truth));
