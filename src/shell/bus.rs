@@ -9,6 +9,7 @@ pub mod keys;
 pub mod network;
 mod payload;
 mod queries;
+pub mod ros;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -23,7 +24,7 @@ use zenoh::query::Queryable;
 
 use super::fault::{Fault, FaultKind};
 use super::service::Service;
-use camera::Camera;
+use camera::{Arrival, Camera, arrival};
 use keys::{Keys, Topic};
 use network::{Role, join};
 
@@ -97,6 +98,7 @@ struct Open {
     _frames: Subscriber<()>,
     _queries: Vec<Queryable<()>>,
     _token: LivelinessToken,
+    _ros: ros::Ros,
 }
 
 impl Open {
@@ -115,7 +117,9 @@ impl Open {
             .await
             .map_err(failed)?;
         let token = house.session.liveliness().declare_token(house.keys.alive_node(&house.node)?).await;
-        Ok(Self { _frames: frames, _queries: queries, _token: token.map_err(failed)? })
+        let token = token.map_err(failed)?;
+        let ros = ros::Ros::open(house).await?;
+        Ok(Self { _frames: frames, _queries: queries, _token: token, _ros: ros })
     }
 }
 
@@ -148,7 +152,15 @@ impl House {
         let Some(key) = self.keys.read_camera(sample.key_expr()) else { return };
         let max_bytes = self.service.settings().http.max_frame_bytes;
         match self.camera(&key.camera) {
-            Some(camera) => camera.take(sample, max_bytes),
+            Some(camera) => camera.take(arrival(sample, max_bytes)),
+            None => metrics::counter!("skypose_cameras_refused_total").increment(1),
+        }
+    }
+
+    /// A frame of a camera that another way has brought, on the network's thread.
+    fn bring(self: &Arc<Self>, camera: &str, arrival: Result<Arrival, Fault>) {
+        match self.camera(camera) {
+            Some(camera) => camera.take(arrival),
             None => metrics::counter!("skypose_cameras_refused_total").increment(1),
         }
     }

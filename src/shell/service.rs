@@ -7,6 +7,7 @@ pub mod jobs;
 pub mod lookup;
 pub mod recorded;
 pub mod sequences;
+pub mod told;
 pub mod tracks;
 pub mod workers;
 
@@ -34,6 +35,8 @@ use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
 use recorded::job::RecordedTerms;
 use sequences::Sequences;
+use told::Told;
+use tokio::sync::broadcast;
 use tracks::Tracks;
 use workers::Workers;
 
@@ -46,6 +49,7 @@ pub struct Service {
     sequences: Sequences,
     jobs: Jobs,
     known: Arc<Known>,
+    told: broadcast::Sender<Arc<Told>>,
 }
 
 impl Service {
@@ -70,7 +74,7 @@ impl Service {
         let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
         let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
         let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
-        Ok(Self { settings, store, workers, sequences, jobs, known: Arc::default() })
+        Ok(Self { settings, store, workers, sequences, jobs, known: Arc::default(), told: broadcast::Sender::new(told::MOST_WAITING) })
     }
 
     /// The settings.
@@ -100,6 +104,18 @@ impl Service {
     pub async fn close(&self) {
         self.jobs.drain(Duration::from_millis(self.settings.http.drain_ms)).await;
         self.store.close().await;
+    }
+
+    /// Tells all doors what a frame of a camera shows.
+    pub fn tell(&self, told: Told) {
+        // Nobody has to listen.
+        let _ = self.told.send(Arc::new(told));
+    }
+
+    /// Hears what frames of cameras show from now on.
+    #[must_use]
+    pub fn hear(&self) -> broadcast::Receiver<Arc<Told>> {
+        self.told.subscribe()
     }
 
     fn lookup(&self) -> Lookup<'_> {

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::sync::{Notify, watch};
 use tokio::time::MissedTickBehavior;
 use zenoh::Session;
-use zenoh::bytes::{Encoding, ZBytes};
+use bytes::Bytes;
+use zenoh::bytes::Encoding;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority, Reliability};
 use zenoh::sample::Sample;
@@ -16,6 +17,7 @@ use super::payload::bytes_of;
 use crate::shell::config::ZenohSettings;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::Service;
+use crate::shell::service::told::Told;
 use crate::shell::service::tracks::Tracks;
 use crate::shell::wire::swarm::{CameraStatus, EstimateNote, FrameNote, Ledger};
 use crate::shell::wire::track::TracksWire;
@@ -27,11 +29,18 @@ const MAX_NOTE: usize = 4096;
 const TOLD_EVERY: Duration = Duration::from_millis(100);
 
 /// A frame as it came.
-struct Arrival {
-    payload: ZBytes,
+pub(super) struct Arrival {
+    payload: Bytes,
     note: FrameNote,
     at: Instant,
     at_us: i64,
+}
+
+impl Arrival {
+    /// One that comes now.
+    pub(super) fn now(note: FrameNote, payload: Bytes) -> Self {
+        Self { payload, note, at: Instant::now(), at_us: now_us() }
+    }
 }
 
 /// A camera that is listened to.
@@ -85,9 +94,9 @@ impl Camera {
     }
 
     /// Takes a frame from the network's thread: puts it in the place of one that still waits. Nothing is computed here.
-    pub(super) fn take(&self, sample: &Sample, max_bytes: usize) {
+    pub(super) fn take(&self, arrival: Result<Arrival, Fault>) {
         *self.heard.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
-        match arrival(sample, max_bytes) {
+        match arrival {
             Ok(arrival) => {
                 let sequence = arrival.note.sequence;
                 let before = self.slot.lock().unwrap_or_else(PoisonError::into_inner).replace(arrival);
@@ -192,7 +201,7 @@ impl Camera {
         let deadline = Instant::now() + left;
         let taken_us = note.timestamp_us.unwrap_or(arrival.at_us);
         let tracks = Arc::clone(&self.tracks);
-        let followed = service.estimate_followed(bytes_of(&arrival.payload), request, deadline, tracks, taken_us).await;
+        let followed = service.estimate_followed(arrival.payload.clone(), request, deadline, tracks, taken_us).await;
         let (reply, tracks) = match followed {
             Err(fault) if fault.kind == FaultKind::DeadlineExceeded => return Ok(Outcome::Late),
             followed => followed?,
@@ -202,6 +211,12 @@ impl Camera {
         }
         let answered = micros(arrival.at.elapsed());
         self.publish(&arrival, &reply, tracks.as_ref(), answered, outlets).await?;
+        service.tell(Told {
+            camera: self.name.clone(),
+            timestamp_us: arrival.note.timestamp_us,
+            received_us: arrival.at_us,
+            reply,
+        });
         Ok(Outcome::Published)
     }
 
@@ -284,7 +299,8 @@ impl Outlets {
     }
 }
 
-fn arrival(sample: &Sample, max_bytes: usize) -> Result<Arrival, Fault> {
+/// A frame as the network hands it over.
+pub(super) fn arrival(sample: &Sample, max_bytes: usize) -> Result<Arrival, Fault> {
     let payload = sample.payload();
     if payload.len() > max_bytes {
         let detail = format!("a frame of {} bytes: at most {max_bytes} are accepted", payload.len());
@@ -307,7 +323,7 @@ fn arrival(sample: &Sample, max_bytes: usize) -> Result<Arrival, Fault> {
             .map_err(|fault| Fault { detail: format!("the attachment: {}", fault.detail), ..fault })?,
         None => FrameNote::default(),
     };
-    Ok(Arrival { payload: payload.clone(), note, at: Instant::now(), at_us: now_us() })
+    Ok(Arrival::now(note, bytes_of(payload)))
 }
 
 fn now_us() -> i64 {
