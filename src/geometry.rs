@@ -6,6 +6,7 @@
 
 pub mod bearing;
 pub mod covariance;
+pub mod mount;
 pub mod point;
 pub mod rotation;
 pub mod space;
@@ -13,6 +14,7 @@ pub mod transform;
 
 pub use bearing::Direction;
 pub use covariance::PoseCovariance;
+pub use mount::BodyFromCamera;
 pub use point::Point;
 pub use rotation::EulerAngles;
 pub use transform::{CameraFromBoard, CameraFromTarget, Transform};

@@ -33,7 +33,7 @@
 //! answers against truth, of cases of [`scene`] and of recorded frames.
 //!
 //! *The wall*: [`shell`]. Only behind it are clocks, files, sockets, threads, logs and serialised shapes: settings,
-//! telemetry, the store, the service with its workers, HTTP, Zenoh, videos and cameras, the command line.
+//! telemetry, the store, the service with its workers, HTTP, Zenoh (ROS 2 by it), MAVLink, videos and cameras, the command line.
 //!
 //! # The import law
 //!

@@ -9,6 +9,8 @@ pub mod console;
 pub mod fault;
 pub mod grab;
 pub mod http;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 pub mod service;
 pub mod store;
 pub mod telemetry;

@@ -1,6 +1,6 @@
 //! The covariance of a pose.
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, Rotation3, Vector6};
 
 use super::transform::CameraFromTarget;
 
@@ -56,6 +56,17 @@ impl PoseCovariance {
     pub fn scaled(&self, factor: f64) -> Self {
         debug_assert!(factor > 0.0 && factor.is_finite());
         Self(self.0 * factor)
+    }
+
+    /// The covariance of the same pose seen from a space whose axes are turned: `rotation` takes the camera's coordinates to those of the
+    /// other space, wherever its origin is. Errors of translation and rotation both are vectors of the space in which the pose is told.
+    #[must_use]
+    pub fn turned(&self, rotation: &Rotation3<f64>) -> Self {
+        let mut both = Matrix6::zeros();
+        both.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
+        both.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
+        let turned = both * self.0 * both.transpose();
+        Self((turned + turned.transpose()) * 0.5)
     }
 
     /// Natural logarithm of the determinant.

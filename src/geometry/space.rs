@@ -21,7 +21,12 @@ pub struct Target;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Board;
 
+/// Fixed to a vehicle: x forward, y right, z down (FRD, as `MAV_FRAME_BODY_FRD`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Body;
+
 impl Space for World {}
 impl Space for Camera {}
 impl Space for Target {}
 impl Space for Board {}
+impl Space for Body {}

@@ -9,6 +9,7 @@ pub mod keys;
 pub mod network;
 mod payload;
 mod queries;
+pub mod ros;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -23,7 +24,7 @@ use zenoh::query::Queryable;
 
 use super::fault::{Fault, FaultKind};
 use super::service::Service;
-use super::service::hub::Camera;
+use super::service::hub::{Arrival, Camera};
 use camera::{arrival, publish};
 use keys::{Keys, Topic};
 use network::{Role, join};
@@ -98,6 +99,7 @@ struct Open {
     _frames: Subscriber<()>,
     _queries: Vec<Queryable<()>>,
     _token: LivelinessToken,
+    _ros: ros::Ros,
 }
 
 impl Open {
@@ -116,7 +118,9 @@ impl Open {
             .await
             .map_err(failed)?;
         let token = house.session.liveliness().declare_token(house.keys.alive_node(&house.node)?).await;
-        Ok(Self { _frames: frames, _queries: queries, _token: token.map_err(failed)? })
+        let token = token.map_err(failed)?;
+        let ros = ros::Ros::open(house).await?;
+        Ok(Self { _frames: frames, _queries: queries, _token: token, _ros: ros })
     }
 }
 
@@ -147,8 +151,13 @@ impl House {
     /// A frame, on the network's thread.
     fn take(self: &Arc<Self>, sample: &zenoh::sample::Sample) {
         let Some(key) = self.keys.read_camera(sample.key_expr()) else { return };
-        let Some(camera) = self.camera(&key.camera) else { return };
-        match arrival(sample, self.service.settings().http.max_frame_bytes) {
+        self.bring(&key.camera, arrival(sample, self.service.settings().http.max_frame_bytes));
+    }
+
+    /// A frame of a camera, on the network's thread.
+    fn bring(self: &Arc<Self>, camera: &str, arrival: Result<Arrival, Fault>) {
+        let Some(camera) = self.camera(camera) else { return };
+        match arrival {
             // Estimates are told to all; nobody waits for this one.
             Ok(arrival) => drop(self.service.take(&camera, arrival)),
             Err(fault) => camera.refuse(&fault),

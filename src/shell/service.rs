@@ -8,6 +8,7 @@ pub mod jobs;
 pub mod lookup;
 pub mod recorded;
 pub mod sequences;
+pub mod told;
 pub mod tracks;
 pub mod workers;
 
@@ -36,6 +37,8 @@ use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
 use recorded::job::RecordedTerms;
 use sequences::Sequences;
+use tokio::sync::broadcast;
+use told::Told;
 use workers::Workers;
 
 use crate::detect::Watch;
@@ -52,6 +55,7 @@ pub struct Service {
     node: String,
     jobs: Jobs,
     known: Arc<Known>,
+    told: broadcast::Sender<Arc<Told>>,
 }
 
 impl Service {
@@ -77,7 +81,8 @@ impl Service {
         let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
         let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
         let (hub, node) = (Hub::new(&settings.streams), settings.zenoh.node_name());
-        Ok(Self { settings, store, workers, sequences, hub, node, jobs, known: Arc::default() })
+        let told = broadcast::Sender::new(told::MOST_WAITING);
+        Ok(Self { settings, store, workers, sequences, hub, node, jobs, known: Arc::default(), told })
     }
 
     /// The settings.
@@ -113,6 +118,18 @@ impl Service {
     pub async fn close(&self) {
         self.jobs.drain(Duration::from_millis(self.settings.http.drain_ms)).await;
         self.store.close().await;
+    }
+
+    /// Tells all doors what a frame of a camera shows.
+    pub fn tell(&self, told: Told) {
+        // Nobody has to listen.
+        let _ = self.told.send(Arc::new(told));
+    }
+
+    /// Hears what frames of cameras show from now on.
+    #[must_use]
+    pub fn hear(&self) -> broadcast::Receiver<Arc<Told>> {
+        self.told.subscribe()
     }
 
     fn lookup(&self) -> Lookup<'_> {

@@ -29,6 +29,10 @@ pub struct Station {
     #[cfg(feature = "zenoh")]
     #[allow(dead_code, reason = "asked for by the tests of the network alone")]
     pub bus: Option<skypose::shell::bus::Bus>,
+    /// What is sent to a ground station, where the settings name one.
+    #[cfg(feature = "mavlink")]
+    #[allow(dead_code, reason = "asked for by its own tests alone")]
+    pub mavlink: Option<skypose::shell::mavlink::Mavlink>,
     folder: TempDir,
 }
 
@@ -56,6 +60,8 @@ impl Station {
         let app = App::new(Service::start(settings).await.expect("starts"));
         #[cfg(feature = "zenoh")]
         let bus = skypose::shell::bus::Bus::open(app.service.clone()).await.expect("joins");
+        #[cfg(feature = "mavlink")]
+        let mavlink = skypose::shell::mavlink::Mavlink::open(&app.service).await.expect("sends");
         let server = Server::bind(app).expect("binds");
         let base = format!("http://{}", server.address().expect("bound"));
         let stopper = server.stopper();
@@ -68,6 +74,8 @@ impl Station {
             serving,
             #[cfg(feature = "zenoh")]
             bus,
+            #[cfg(feature = "mavlink")]
+            mavlink,
             folder: data,
         }
     }

@@ -13,6 +13,8 @@ use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::http::App;
 use crate::shell::http::server::{Server, take};
+#[cfg(feature = "mavlink")]
+use crate::shell::mavlink::Mavlink;
 use crate::shell::service::Service;
 use crate::shell::telemetry;
 
@@ -52,6 +54,24 @@ impl Bus {
     async fn closed(self) {}
 }
 
+/// Built without MAVLink.
+#[cfg(not(feature = "mavlink"))]
+struct Mavlink;
+
+#[cfg(not(feature = "mavlink"))]
+impl Mavlink {
+    #[expect(clippy::unused_async, reason = "stands for what waits")]
+    async fn open(service: &Arc<Service>) -> Result<Option<Self>, Fault> {
+        if service.settings().mavlink.address.is_empty() {
+            return Ok(None);
+        }
+        Err(Fault::new(FaultKind::Senseless, "mavlink.address: this program was built without MAVLink"))
+    }
+
+    #[expect(clippy::unused_async, reason = "stands for what waits")]
+    async fn closed(self) {}
+}
+
 impl Serve {
     pub(super) fn run(self) -> Result<(), Stop> {
         let listen = self.listen.map(|address| ("http.listen", address.to_string()));
@@ -73,12 +93,16 @@ impl Serve {
                 .map_err(|error| Fault::new(FaultKind::Internal, format!("cannot listen on {listen}: {error}")))?;
             let app = App::new(Service::start(settings).await?);
             let bus = Bus::open(Arc::clone(&app.service)).await?;
+            let mavlink = Mavlink::open(&app.service).await?;
             let server = Server::on(listener, app);
             server.stopper().stop_on_signal()?;
             print_line(&format!("listening on http://{}", server.address()?))?;
             server.run().await?;
             if let Some(bus) = bus {
                 bus.closed().await;
+            }
+            if let Some(mavlink) = mavlink {
+                mavlink.closed().await;
             }
             tracing::info!("stopped");
             Ok(())

@@ -14,6 +14,7 @@ use super::settings::StreamTask;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::Service;
 use crate::shell::service::compute::Terms;
+use crate::shell::service::told::Told;
 use crate::shell::wire::swarm::CameraStatus;
 
 impl Service {
@@ -80,7 +81,7 @@ impl Service {
             *memory = before;
             seeing
         };
-        let seeing = match self.workers.run(deadline, work).await {
+        let mut seeing = match self.workers.run(deadline, work).await {
             Err(fault) if fault.kind == FaultKind::DeadlineExceeded => {
                 return Err(late("the frame was too old before its turn on a worker was over"));
             }
@@ -89,6 +90,12 @@ impl Service {
         if Instant::now() > deadline {
             return Err(late("the frame was too old when its estimate was there"));
         }
+        self.tell(Told {
+            camera: camera.name().into(),
+            timestamp_us: place.note.timestamp_us,
+            received_us: place.at_us,
+            targets: std::mem::take(&mut seeing.targets),
+        });
         Ok(place.answered(seeing))
     }
 

@@ -9,7 +9,7 @@ use crate::pipeline::Estimate;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Seen, Terms};
 use crate::shell::service::tracks::Tracks;
-use crate::shell::wire::sighting::Timing;
+use crate::shell::wire::sighting::{TargetEstimateWire, Timing};
 use crate::shell::wire::stream::SearchName;
 
 /// What is remembered of a camera from frame to frame.
@@ -26,6 +26,8 @@ pub(super) struct Seeing {
     pub(super) estimate: String,
     pub(super) tracks: Option<String>,
     pub(super) timing: Timing,
+    /// The same of the targets, for those who write it otherwise.
+    pub(super) targets: Vec<TargetEstimateWire>,
 }
 
 impl Memory {
@@ -44,8 +46,9 @@ impl Memory {
         };
         let (task, frame, estimate, timing) = self.estimated(frame, task, part, terms)?;
         let tracks = self.tracks.step(taken_us, task.targets(), &estimate.targets, track)?;
-        let estimate = written(&task.estimate_reply(&frame, &estimate, Some(&self.watch), timing))?;
-        Ok(Seeing { estimate, tracks: tracks.as_ref().map(written).transpose()?, timing })
+        let reply = task.estimate_reply(&frame, &estimate, Some(&self.watch), timing);
+        let (estimate, tracks) = (written(&reply)?, tracks.as_ref().map(written).transpose()?);
+        Ok(Seeing { estimate, tracks, timing, targets: reply.targets })
     }
 
     /// The part of the frame to be searched; nothing if all that may be has to be.
