@@ -32,7 +32,7 @@ use skypose::scene::models::{demo_camera, wing};
 use skypose::scene::render::{Optics, Sky, render};
 use skypose::shell::bus::network::{Role, join};
 use skypose::shell::config::Settings;
-use skypose::shell::service::compute::{FrameTask, Terms};
+use skypose::shell::service::compute::{FrameTask, Seen, Terms};
 use skypose::shell::service::lookup::Lookup;
 use skypose::shell::wire::{CameraWire, FrameRequest, Ref, TargetWire};
 use tempfile::TempDir;
@@ -205,7 +205,7 @@ async fn bounced(client: &Session, answers: &Listener, frame: &[u8]) -> f64 {
 /// Milliseconds of the work alone.
 fn worked(task: &FrameTask, frame: &[u8]) -> f64 {
     let start = Instant::now();
-    std::hint::black_box(task.estimated(frame, &Terms::of(&Settings::default())).expect("a frame"));
+    std::hint::black_box(task.estimated(Seen::Bytes(frame), &Terms::of(&Settings::default()), None).expect("a frame"));
     start.elapsed().as_secs_f64() * 1e3
 }
 
