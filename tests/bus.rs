@@ -172,7 +172,7 @@ async fn estimates_are_those_of_http_byte_for_byte_but_for_the_times() {
         assert_eq!(posted.status(), 200);
         let posted = posted.bytes().await.expect("a whole answer");
         assert_eq!(without_timing(&posted), without_timing(&by_http));
-        assert_eq!(next(&estimates).await.payload().to_bytes().as_ref(), posted.as_ref());
+        assert_eq!(next(&estimates).await.payload().to_bytes(), posted.as_ref());
         // By query too.
         let request =
             json!({"camera": "recorded", "targets": ["recorded"], "detector": detector, "timestamp_us": taken});

@@ -80,7 +80,7 @@ impl Ground {
                     kind: field("event").unwrap_or_default().into(),
                     data: data.into(),
                 });
-                self.text = rest.to_owned();
+                self.text = String::from(rest);
                 if told.is_some() {
                     return told;
                 }

@@ -42,7 +42,7 @@ impl Watch {
                     Err(Ended::Gone(fault)) if is_first => return Err(fault.into()),
                     Err(Ended::Gone(fault)) => note(&format!("{fault}; looking for it again")),
                     Ok(()) if watching.left > 0 => {
-                        note(&format!("{server} has ended the stream; looking for it again"))
+                        note(&format!("{server} has ended the stream; looking for it again"));
                     }
                     Ok(()) => break,
                 }

@@ -45,25 +45,23 @@ impl Place {
         // Its age when it came, by the clocks of two machines, and since then by our own.
         let before = Duration::from_micros(u64::try_from(self.at_us.saturating_sub(self.taken_us())).unwrap_or(0));
         let age = before.saturating_add(self.at.elapsed());
-        match max_age.checked_sub(age) {
-            Some(left) => Ok(Instant::now() + left),
-            None => {
-                let detail = format!(
-                    "the frame was {} ms old when its turn came, {} ms of them before it arrived: up to {} ms are of use",
-                    age.as_millis(),
-                    before.as_millis(),
-                    max_age.as_millis(),
-                );
-                let pointer = (before > max_age).then(|| "/timestamp_us".to_owned());
-                Err(Fault { kind: FaultKind::TooOld, detail, pointer })
-            }
+        if let Some(left) = max_age.checked_sub(age) {
+            return Ok(Instant::now() + left);
         }
+        let detail = format!(
+            "the frame was {} ms old when its turn came, {} ms of them before it arrived: up to {} ms are of use",
+            age.as_millis(),
+            before.as_millis(),
+            max_age.as_millis(),
+        );
+        let pointer = (before > max_age).then(|| "/timestamp_us".to_owned());
+        Err(Fault { kind: FaultKind::TooOld, detail, pointer })
     }
 
     /// With what the frame showed, which is there now.
     pub(super) fn answered(self, seeing: Seeing) -> Answered {
-        let answered = micros(self.at.elapsed());
-        Answered { place: self, answered, seeing, first_id: 0 }
+        let looked_us = micros(self.at.elapsed());
+        Answered { place: self, looked_us, seeing, first_id: 0 }
     }
 }
 
@@ -72,7 +70,7 @@ impl Place {
 pub struct Answered {
     place: Place,
     /// Time from the frame's arrival, us.
-    answered: u64,
+    looked_us: u64,
     seeing: Seeing,
     /// Number of the estimate among all that is told of the camera; that of the tracks is the next.
     pub(super) first_id: u64,
@@ -108,7 +106,7 @@ impl Answered {
             sequence: self.place.note.sequence,
             timestamp_us: self.place.note.timestamp_us,
             received_us: self.place.at_us,
-            latency_us: Ledger::of(&self.seeing.timing, self.answered, micros(self.place.at.elapsed())),
+            latency_us: Ledger::of(&self.seeing.timing, self.looked_us, micros(self.place.at.elapsed())),
         }
     }
 }
@@ -124,7 +122,7 @@ mod tests {
             at: Instant::now(),
             at_us: 1_000_000 + age_us,
         };
-        let max_age = Duration::from_secs(60);
+        let max_age = Duration::from_mins(1);
         let left = |age_us| place(age_us).deadline(max_age).map(|deadline| deadline - Instant::now());
         assert!(left(0).expect("fresh") > Duration::from_secs(50));
         assert!(left(50_000_000).expect("still of use") < Duration::from_secs(11));
@@ -132,7 +130,10 @@ mod tests {
         assert!(left(-5_000_000).expect("of the future") <= max_age);
         let fault = left(70_000_000).expect_err("too old");
         assert_eq!((fault.kind, fault.pointer.as_deref()), (FaultKind::TooOld, Some("/timestamp_us")));
-        let waited = Place { at: Instant::now() - Duration::from_secs(61), ..place(0) };
+        let waited = Place {
+            at: Instant::now().checked_sub(Duration::from_secs(61)).expect("the machine runs for longer"),
+            ..place(0)
+        };
         let fault = waited.deadline(max_age).expect_err("too old");
         assert_eq!((fault.kind, fault.pointer), (FaultKind::TooOld, None));
     }
