@@ -44,7 +44,7 @@ async fn heard(name: &str, change: impl FnOnce(&mut Settings)) -> Option<Value> 
     let station = Station::equipped_with(|settings| {
         settings.zenoh.network.clone_from(&endpoint);
         settings.zenoh.node = "alpha".into();
-        settings.zenoh.max_age_ms = 20_000;
+        settings.streams.max_age_ms = 20_000;
         settings.mavlink.address = format!("127.0.0.1:{port}");
         settings.mavlink.system_id = 42;
         settings.mavlink.heartbeat_ms = 200;

@@ -105,7 +105,8 @@ struct Sender {
 
 impl Sender {
     fn new(socket: UdpSocket, receiver: SocketAddr, settings: &MavlinkSettings) -> Self {
-        let header = MavHeader { system_id: settings.system_id.into(), component_id: settings.component_id.into(), sequence: 0 };
+        let header =
+            MavHeader { system_id: settings.system_id.into(), component_id: settings.component_id, sequence: 0 };
         Self { socket, receiver, header, failed: None }
     }
 
