@@ -83,6 +83,9 @@ struct Spot {
     pixel: Pixel,
     area_px: f64,
     radius_px: f64,
+    /// Area of the largest part that hangs together, px: what stands out from the ground between. Spots that only blur into each
+    /// other are as hard to find as the largest of them.
+    core_px: f64,
 }
 
 impl Sight {
@@ -118,10 +121,11 @@ impl Sight {
     fn spot(&self, pixel: Pixel, area_px: f64) -> Spot {
         let radius_px = (area_px / std::f64::consts::PI).sqrt();
         match self.acuity {
-            Acuity::Color { .. } => Spot { pixel, area_px, radius_px },
+            Acuity::Color { .. } => Spot { pixel, area_px, radius_px, core_px: area_px },
             Acuity::Beacon => {
                 let radius_px = radius_px + LED_BLOOM_PX;
-                Spot { pixel, area_px: std::f64::consts::PI * radius_px * radius_px, radius_px }
+                let area_px = std::f64::consts::PI * radius_px * radius_px;
+                Spot { pixel, area_px, radius_px, core_px: area_px }
             }
         }
     }
@@ -164,6 +168,8 @@ impl Sight {
                 Some(other) => {
                     let (b, a) = (spots.remove(other), &mut spots[index]);
                     let area_px = a.area_px + b.area_px;
+                    let touch = (a.pixel - b.pixel).norm() < a.radius_px + b.radius_px + ONE_RIM_PX;
+                    a.core_px = if touch { a.core_px + b.core_px } else { a.core_px.max(b.core_px) };
                     a.pixel = (a.pixel * a.area_px + b.pixel * b.area_px) / area_px;
                     a.radius_px = (area_px / std::f64::consts::PI).sqrt();
                     a.area_px = area_px;
@@ -181,7 +187,7 @@ impl Sight {
         let (luck, chance, off) = (normal(rng), rng.random_range(0.0..1.0), normal2(rng));
         let (is_large, error_px, sigma_px) = match self.acuity {
             Acuity::Color { min_area_px } => (
-                spot.area_px > min_area_px + HALF_FOUND_PX + FOUND_SPREAD_PX * luck,
+                spot.core_px > min_area_px + HALF_FOUND_PX + FOUND_SPREAD_PX * luck,
                 LEAST_ERROR_PX.hypot(ERROR_PX / spot.area_px).min(MOST_ERROR_PX),
                 STATED_PX / spot.area_px.sqrt(),
             ),
