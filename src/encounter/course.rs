@@ -45,7 +45,7 @@ impl Scenario {
 pub struct Course {
     own_speed_mps: f64,
     intruder_speed_mps: f64,
-    course_rad: f64,
+    heading_rad: f64,
 }
 
 impl Course {
@@ -61,14 +61,14 @@ impl Course {
             let field = "intruder_course_rad";
             return Err(EncounterError::Angle { field, value: course_rad, min: -TAU, max: TAU });
         }
-        Ok(Self { own_speed_mps, intruder_speed_mps, course_rad })
+        Ok(Self { own_speed_mps, intruder_speed_mps, heading_rad: course_rad })
     }
 
     /// The thesis' scenario of this name, both aircraft at 50 knots.
     #[must_use]
     pub const fn of(scenario: Scenario) -> Self {
         let speed_mps = Scenario::SPEED_MPS;
-        Self { own_speed_mps: speed_mps, intruder_speed_mps: speed_mps, course_rad: scenario.course_rad() }
+        Self { own_speed_mps: speed_mps, intruder_speed_mps: speed_mps, heading_rad: scenario.course_rad() }
     }
 
     /// Our speed, m/s.
@@ -86,13 +86,13 @@ impl Course {
     /// The intruder's course from ours, rad, positive to the right.
     #[must_use]
     pub const fn course_rad(&self) -> f64 {
-        self.course_rad
+        self.heading_rad
     }
 
     /// The intruder's velocity along our level axes, m/s.
     #[must_use]
     pub fn intruder_velocity_mps(&self) -> Vector3<f64> {
-        Vector3::new(self.course_rad.cos(), self.course_rad.sin(), 0.0) * self.intruder_speed_mps
+        Vector3::new(self.heading_rad.cos(), self.heading_rad.sin(), 0.0) * self.intruder_speed_mps
     }
 
     /// The same less ours.
