@@ -5,6 +5,7 @@ mod calibrate;
 mod camera;
 mod demo;
 mod evaluate;
+mod film;
 mod frames;
 mod grab;
 mod inputs;

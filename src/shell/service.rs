@@ -26,8 +26,8 @@ use super::store::jobs::Job;
 use super::store::{Kind as Thing, Store, Stored};
 use super::wire::swarm::FrameNote;
 use super::wire::{
-    AskedEvaluation, AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EstimateReply, FrameRequest, NamedCamera,
-    NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply, PoseRequest, StreamWire, Streams,
+    AskedEvaluation, AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EstimateReply, FrameRequest,
+    NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply, PoseRequest, StreamWire, Streams,
     Targets, from_json, from_value,
 };
 use calibration::CalibrationKind;

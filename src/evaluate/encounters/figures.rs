@@ -84,8 +84,8 @@ impl Figures {
     #[must_use]
     pub fn of(study: &EncounterStudy, outcomes: &[Outcome]) -> Self {
         let verdicts = Verdict::ALL.map(|verdict| count(outcomes, |one| one.verdict() == verdict));
-        let missed_at = Stage::ALL
-            .map(|stage| count(outcomes, |one| one.verdict() == Verdict::Missed && one.stage() == stage));
+        let missed_at =
+            Stage::ALL.map(|stage| count(outcomes, |one| one.verdict() == Verdict::Missed && one.stage() == stage));
         let conflicts = || outcomes.iter().filter(|one| one.is_conflict);
         let rate = |verdict: Verdict| Rate::among(conflicts().map(|one| one.verdict() == verdict));
         let is_nmac = |miss_m: f64| miss_m < study.nmac_m;
@@ -147,9 +147,8 @@ fn courses(study: &EncounterStudy, outcomes: &[Outcome]) -> Vec<Bin> {
     (0..SECTORS)
         .filter_map(|sector| {
             let (from_rad, to_rad) = (f64::from(sector) * width_rad, f64::from(sector + 1) * width_rad);
-            let among = || {
-                outcomes.iter().filter(move |one| (from_rad..to_rad).contains(&one.course_rad.rem_euclid(2.0 * PI)))
-            };
+            let among =
+                || outcomes.iter().filter(move |one| (from_rad..to_rad).contains(&one.course_rad.rem_euclid(2.0 * PI)));
             among().next()?;
             Some(Bin { from_rad, to_rad, timely: timely(among()), risk: risk(study, among()) })
         })

@@ -87,8 +87,7 @@ impl<'a> Lookout<'a> {
         let from_s = encounter.within_from_s(first_range_m(study));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the number of frames")]
         let frames = (-from_s * study.rate_hz).clamp(0.0, f64::from(MAX_FRAMES - 1)) as u32;
-        let options =
-            Options { detector: study.detector.clone(), pose: study.pose, ..Options::default() };
+        let options = Options { detector: study.detector.clone(), pose: study.pose, ..Options::default() };
         Some(Self {
             study,
             encounter,
@@ -141,9 +140,8 @@ impl<'a> Lookout<'a> {
         if self.alert.is_none() {
             let (alarm, manoeuvre) = (&self.study.alarm, &self.study.manoeuvre);
             let own_speed_mps = self.encounter.own_speed_mps;
-            let alerts = report
-                .believed()
-                .filter_map(|track| alarm.of(track, time_s, &self.camera, own_speed_mps, manoeuvre));
+            let alerts =
+                report.believed().filter_map(|track| alarm.of(track, time_s, &self.camera, own_speed_mps, manoeuvre));
             self.alert = alerts.into_iter().next();
         }
         Some(Look { time_s, truth, is_in_view, frame, estimate, report, alert: self.alert })
@@ -175,10 +173,8 @@ fn first_range_m(study: &EncounterStudy) -> f64 {
             .fold(0.0, f64::max);
         return length_m * focal_px / FIRST_LENGTH_PX;
     }
-    let radius_m = markers
-        .iter()
-        .map(|marker| marker.radius_m.unwrap_or(study.intruder.default_radius_m))
-        .fold(0.0, f64::max);
+    let radius_m =
+        markers.iter().map(|marker| marker.radius_m.unwrap_or(study.intruder.default_radius_m)).fold(0.0, f64::max);
     // A lens that bends makes the border at most so much larger.
     1.2 * radius_m * focal_px / (FIRST_AREA_PX / std::f64::consts::PI).sqrt()
 }

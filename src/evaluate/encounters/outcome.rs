@@ -73,8 +73,7 @@ pub enum Stage {
 
 impl Stage {
     /// All of them, in their order.
-    pub const ALL: [Self; 6] =
-        [Self::OutOfView, Self::InView, Self::Seen, Self::Posed, Self::Tracked, Self::Alerted];
+    pub const ALL: [Self; 6] = [Self::OutOfView, Self::InView, Self::Seen, Self::Posed, Self::Tracked, Self::Alerted];
 
     /// As in results.
     #[must_use]
@@ -109,8 +108,7 @@ pub enum Verdict {
 
 impl Verdict {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Timely, Self::Late, Self::Missed, Self::Nuisance, Self::False, Self::Quiet];
+    pub const ALL: [Self; 6] = [Self::Timely, Self::Late, Self::Missed, Self::Nuisance, Self::False, Self::Quiet];
 
     /// As in results.
     #[must_use]
@@ -157,8 +155,7 @@ impl Outcome {
             first(&mut outcome.tracked, look.report.believed().next().is_some());
             if let Some(alert) = look.alert {
                 outcome.alert = Some(moment);
-                outcome.alert_error_m =
-                    Some((alert.believed.position_m() - encounter.position_m(look.time_s)).norm());
+                outcome.alert_error_m = Some((alert.believed.position_m() - encounter.position_m(look.time_s)).norm());
                 let manoeuvre = study.manoeuvre.to(alert.side);
                 let turn_s = look.time_s + study.alarm.delay_s;
                 // Past the closest approach there is nothing left to avoid.

@@ -73,14 +73,11 @@ fn alerts(outcomes: &[Outcome]) -> Picture {
     };
     let least = due.iter().filter_map(|one| one.needed_s).fold(f64::INFINITY, f64::min);
     let most = due.iter().filter_map(|one| one.needed_s).fold(0.0, f64::max);
-    let mut series: Vec<Series> = [
-        ("in time", Verdict::Timely),
-        ("too late", Verdict::Late),
-        ("no alarm", Verdict::Missed),
-    ]
-    .into_iter()
-    .map(|(name, verdict)| scattered(name, of(verdict)))
-    .collect();
+    let mut series: Vec<Series> =
+        [("in time", Verdict::Timely), ("too late", Verdict::Late), ("no alarm", Verdict::Missed)]
+            .into_iter()
+            .map(|(name, verdict)| scattered(name, of(verdict)))
+            .collect();
     series.retain(|series| !series.points.is_empty());
     if least < most {
         series.push(Series::of("just in time", [(least, least), (most, most)]));
@@ -116,14 +113,16 @@ fn misses(study: &EncounterStudy, outcomes: &[Outcome]) -> Picture {
         scattered("with an alarm", points(true)),
         scattered("without", points(false)),
         Series::of("near mid-air collision", [(0.0, study.nmac_m), (most, study.nmac_m)]),
-        Series::of("to be cleared", [
-            (0.0, study.manoeuvre.miss_distance_m()),
-            (most, study.manoeuvre.miss_distance_m()),
-        ]),
+        Series::of(
+            "to be cleared",
+            [(0.0, study.manoeuvre.miss_distance_m()), (most, study.manoeuvre.miss_distance_m())],
+        ),
     ];
     Picture {
         name: "misses".into(),
-        caption: "How near the two come when the own aircraft turns as it is told, over how near they come if nobody turns.".into(),
+        caption:
+            "How near the two come when the own aircraft turns as it is told, over how near they come if nobody turns."
+                .into(),
         figure: Figure {
             title: String::new(),
             panels: vec![Panel {

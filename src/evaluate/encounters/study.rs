@@ -180,7 +180,12 @@ impl EncounterStudy {
         range("traffic.intruder_speed_mps", self.traffic.intruder_speed_mps, [0.5, 500.0], speeds)?;
         let courses = "a least and a largest angle within a full turn are needed";
         range("traffic.course_rad", self.traffic.course_rad, [-TAU, TAU], courses)?;
-        range("traffic.miss_m", self.traffic.miss_m, [0.0, 1e5], "a least and a largest distance from 0 on are needed")?;
+        range(
+            "traffic.miss_m",
+            self.traffic.miss_m,
+            [0.0, 1e5],
+            "a least and a largest distance from 0 on are needed",
+        )?;
         let miss_distance_m = self.manoeuvre.miss_distance_m();
         let disturbance = match self.sensing {
             Sensing::Centroids(disturbance) => disturbance,

@@ -162,7 +162,12 @@ fn simulated_blobs_and_rendered_frames_tell_the_same() {
             for (sums, outcome) in sums.iter_mut().zip([one, other]) {
                 let moments = [outcome.seen, outcome.tracked, outcome.alert];
                 sums.iter_mut().zip(moments).for_each(|(sum, at)| *sum += at.expect("it is seen").range_m);
-                println!("{:?} {:.1?} {:?}", simulated.detector.measures_area(), moments.map(|at| at.map(|m| m.range_m)), outcome.verdict());
+                println!(
+                    "{:?} {:.1?} {:?}",
+                    simulated.detector.measures_area(),
+                    moments.map(|at| at.map(|m| m.range_m)),
+                    outcome.verdict()
+                );
             }
             assert_eq!(one.verdict(), other.verdict());
         }

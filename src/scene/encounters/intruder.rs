@@ -152,7 +152,8 @@ mod tests {
                 assert!(inside([middle.x + corner[0], middle.y + corner[1]]), "{}", marker.id);
             }
         }
-        let raised = |marker: &Marker| Marker { position: [marker.position.coords.x, 0.1, 0.2].into(), ..marker.clone() };
+        let raised =
+            |marker: &Marker| Marker { position: [marker.position.coords.x, 0.1, 0.2].into(), ..marker.clone() };
         let mut markers = models::wing_six().markers().to_vec();
         markers[2] = raised(&markers[2]);
         let solid = super::plate(Target::checked("solid", markers).expect("a good target"));

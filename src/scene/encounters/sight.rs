@@ -159,9 +159,8 @@ impl Sight {
             Acuity::Color { .. } => ONE_BLOB_PX,
             Acuity::Beacon => 0.0,
         };
-        let is_one = |a: &Spot, b: &Spot| {
-            (a.pixel - b.pixel).norm() < least_px.max(a.radius_px + b.radius_px + ONE_RIM_PX)
-        };
+        let is_one =
+            |a: &Spot, b: &Spot| (a.pixel - b.pixel).norm() < least_px.max(a.radius_px + b.radius_px + ONE_RIM_PX);
         let mut index = 0;
         while index < spots.len() {
             match (index + 1..spots.len()).find(|&other| is_one(&spots[index], &spots[other])) {

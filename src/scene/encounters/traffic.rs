@@ -93,12 +93,7 @@ mod tests {
 
     #[test]
     fn side_by_side_at_one_speed_there_is_no_encounter() {
-        let along = Traffic {
-            own_speed_mps: [10.0; 2],
-            intruder_speed_mps: [10.0; 2],
-            course_rad: [0.0; 2],
-            ..OPEN
-        };
+        let along = Traffic { own_speed_mps: [10.0; 2], intruder_speed_mps: [10.0; 2], course_rad: [0.0; 2], ..OPEN };
         assert_eq!(along.draw(&mut case("beside", 0)), None);
     }
 }

@@ -25,10 +25,11 @@ pub(super) const EXAMPLES: &str = "Examples:
   skypose evaluate encounters --runs 2000 --report encounters.html
   skypose evaluate encounters --sensing frames --runs 20 --cases encounters.csv
   skypose evaluate encounters.json --json figures.json
+  skypose evaluate encounters --video encounter.mp4 --encounter 17
   skypose evaluate recordings.zip --detector '{\"method\": \"edge\", \"preset\": \"thesis\"}'
 
 A folder or archive holds frames or videos and truth.json, which says what they show (docs/recorded.md).
-`encounters` flies random encounters of two aircraft and tells the risk ratio (docs/encounter.md).";
+`encounters` flies random encounters of two aircraft and tells the risk ratio (docs/encounters.md).";
 
 #[derive(Args, Debug)]
 pub(super) struct Evaluate {
@@ -57,6 +58,12 @@ pub(super) struct Evaluate {
     /// Where encounters get their centroids: simulated as the detector was measured (centroids), or from rendered frames (frames).
     #[arg(long, value_name = "HOW", value_parser = super::frames::named::<SensingName>)]
     sensing: Option<SensingName>,
+    /// Write the frames of one encounter with what was found in them to a video (.mp4, .mkv, ...) or a folder, and evaluate nothing.
+    #[arg(long, value_name = "OUT")]
+    video: Option<PathBuf>,
+    /// Number of the encounter that --video shows, as in the table of --cases.
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "video")]
+    encounter: u64,
     /// Threads that compute [default: one for each core]. With 1 no frame waits for another, and latencies are those of a frame alone.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -89,7 +96,7 @@ impl Evaluate {
         ];
         let of_solvers = &of_studies[2..];
         let of_frames = [("--detector", self.detector.is_some())];
-        let of_encounters = [("--sensing", self.sensing.is_some())];
+        let of_encounters = [("--sensing", self.sensing.is_some()), ("--video", self.video.is_some())];
         let asked = if is_recorded(&self.what) { None } else { encounters::asked(&self.what)? };
         if let Some(request) = asked {
             refuse(of_solvers, "studies", &self.what)?;

@@ -12,8 +12,8 @@ use serde_json::{Value, json};
 
 use super::jobs::{Attachment, Cancel, Input, Kind, Outcome, REPORT, Shard};
 use super::lookup::Lookup;
-use super::{encounters, recorded};
 use super::recorded::job::RecordedTerms;
+use super::{encounters, recorded};
 use crate::evaluate::numbers::Numbers;
 use crate::evaluate::{self, Figures, Study, plots};
 use crate::shell::fault::{Fault, FaultKind};

@@ -12,7 +12,6 @@ use super::reference::{CameraOrName, TargetOrName};
 use super::{CameraWire, DetectorWire, Ref, TargetWire, TrackOptionsWire, from_value};
 use crate::camera::Camera;
 use crate::detect::Detector;
-use crate::detect::color::NAMED_HUES;
 use crate::encounter::{EncounterError, Manoeuvre, Side};
 use crate::evaluate::encounters::{Alarm, EncounterStudy, EncounterStudyError, Sensing};
 use crate::scene::encounters::intruder::plate;
@@ -427,6 +426,7 @@ mod tests {
 
     use super::*;
     use crate::detect::HueRange;
+    use crate::detect::color::NAMED_HUES;
 
     fn study(request: Value) -> Result<EncounterStudy, Fault> {
         let AskedEvaluation::Encounters(request) = AskedEvaluation::read(request)? else { panic!("another kind") };
@@ -443,7 +443,9 @@ mod tests {
         let traffic = Traffic { miss_m: [0.0, 4.0], ..standard.traffic };
         assert_eq!(study(said), Ok(EncounterStudy { traffic, ..standard }));
         let written = serde_json::to_value(EncountersRequest::default()).expect("JSON");
-        let AskedEvaluation::Encounters(read) = AskedEvaluation::read(written).expect("itself") else { panic!("another") };
+        let AskedEvaluation::Encounters(read) = AskedEvaluation::read(written).expect("itself") else {
+            panic!("another")
+        };
         assert_eq!(read, EncountersRequest::default());
     }
 

@@ -7,6 +7,7 @@ use std::thread;
 
 use serde_json::Value;
 
+use super::super::film::film;
 use super::super::inputs::{json_of, unwritable};
 use super::super::{Stop, runtime};
 use super::Evaluate;
@@ -57,6 +58,9 @@ pub(super) fn run(options: &Evaluate, mut request: EncountersRequest) -> Result<
         resolved(request, &Lookup::new(store.as_ref(), std::sync::Arc::default())).await
     })?;
     let study = checked(&request)?;
+    if let Some(out) = &options.video {
+        return film(&study, options.encounter, out);
+    }
     let threads = options.threads.map_or_else(|| settings.workers.thread_count(), usize::from);
     let outcomes = all(&study, threads)?;
     if let Some(path) = &options.cases {
@@ -67,8 +71,8 @@ pub(super) fn run(options: &Evaluate, mut request: EncountersRequest) -> Result<
     if let Some(path) = &options.report {
         write(path, &done.page)?;
     }
-    let json = serde_json::to_string_pretty(&done.wire)
-        .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
+    let json =
+        serde_json::to_string_pretty(&done.wire).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
     match &options.json {
         Some(path) if path.as_os_str() == "-" => return Ok(print_line(&json)?),
         Some(path) => write(path, &json)?,

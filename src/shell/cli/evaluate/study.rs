@@ -73,7 +73,10 @@ fn request_of(asked: &Evaluate) -> Result<EvaluationRequest, Fault> {
     } else if asked.what.exists() {
         json_of(&asked.what)?
     } else {
-        let detail = format!("{}: no such file, and no study of that name; there is {THESIS}, and {ENCOUNTERS}", asked.what.display());
+        let detail = format!(
+            "{}: no such file, and no study of that name; there is {THESIS}, and {ENCOUNTERS}",
+            asked.what.display()
+        );
         return Err(Fault::new(FaultKind::NotFound, detail));
     };
     if let Some(runs) = asked.runs {

@@ -29,7 +29,8 @@ struct Drawing<'a> {
 
 /// The page.
 pub(super) fn page(study: &EncounterStudy, wire: &EncountersWire, pictures: &[Picture]) -> askama::Result<String> {
-    let share = |what: &str, rate: &RateWire| [what.to_owned(), format!("{} of {}", rate.count, rate.of), percent(rate)];
+    let share =
+        |what: &str, rate: &RateWire| [what.to_owned(), format!("{} of {}", rate.count, rate.of), percent(rate)];
     let spread = |what: &str, found: Option<QuantilesWire>| {
         let found = found?;
         let [least, p05, median, p95, largest] =
@@ -101,21 +102,23 @@ fn facts(study: &EncounterStudy) -> Vec<(&'static str, String)> {
     let target = &study.intruder.target;
     vec![
         ("encounters", format!("{} runs, seed {}", study.runs, study.seed)),
-        ("sensing", match study.sensing {
-            Sensing::Centroids(_) => format!("simulated centroids, {} frames a second", study.rate_hz),
-            Sensing::Frames => format!("rendered frames, {} a second", study.rate_hz),
-        }),
         (
-            "camera",
-            format!("{} x {} px, fx {fx:.1}, fy {fy:.1} px, looking forward", camera.width(), camera.height()),
+            "sensing",
+            match study.sensing {
+                Sensing::Centroids(_) => format!("simulated centroids, {} frames a second", study.rate_hz),
+                Sensing::Frames => format!("rendered frames, {} a second", study.rate_hz),
+            },
         ),
+        ("camera", format!("{} x {} px, fx {fx:.1}, fy {fy:.1} px, looking forward", camera.width(), camera.height())),
         (
             "intruder",
             format!("the {} markers of {}, mount {}", target.markers().len(), target.name(), study.mount.name()),
         ),
         (
             "traffic",
-            format!("own speed {own} m/s, intruder's {intruder} m/s on courses {from} to {to} from ours, passing at {miss} m"),
+            format!(
+                "own speed {own} m/s, intruder's {intruder} m/s on courses {from} to {to} from ours, passing at {miss} m"
+            ),
         ),
         (
             "turn",
