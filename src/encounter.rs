@@ -13,22 +13,36 @@
 //!
 //! Vectors are in the level axes of our aircraft before it turns: x along its course, y to the right, z down.
 
+mod airspace;
 mod approach;
 mod avoid;
 mod course;
+mod delays;
 mod error;
+mod eye;
 mod left;
 mod manoeuvre;
 mod parabola;
 mod path;
+mod pictures;
+mod regard;
+mod study;
+mod tasks;
 
+pub use airspace::Airspace;
 pub use approach::{Approach, RelativeState};
 pub use avoid::{LatestTurn, NoTurn, latest_turn, miss_if_turned_now_m};
 pub use course::{Course, Scenario};
-pub use error::EncounterError;
+pub use delays::Delays;
+pub use error::{EncounterError, positive};
+pub use eye::{Eye, Sighting, arc_width_rad};
 pub use left::{TimeLeft, time_left};
 pub use manoeuvre::{Manoeuvre, Side};
 pub use parabola::parabolic_time_s;
+pub use pictures::{Picture, pictures};
+pub use regard::{Covered, GUIDANCE, Guidance, Regard};
+pub use study::{Answer, Marked, Needed, Question, Room, Situation, Turn, Turns, View};
+pub use tasks::{Expected, Feasibility, Measure, Task};
 
 /// Metres a second of one knot.
 pub const KNOT_MPS: f64 = 1852.0 / 3600.0;

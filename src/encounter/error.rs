@@ -88,8 +88,11 @@ impl EncounterError {
 /// Largest speed, distance, size or rate that is taken: far beyond every aircraft, and far from where squares overflow.
 const MOST: f64 = 1e6;
 
-/// The number, if it is above zero and no larger than anything that flies.
-pub(super) fn positive(field: &'static str, value: f64) -> Result<f64, EncounterError> {
+/// A number that is above zero and no larger than anything that flies.
+///
+/// # Errors
+/// [`EncounterError::Positive`].
+pub fn positive(field: &'static str, value: f64) -> Result<f64, EncounterError> {
     // A thousandth of a millimetre or of a millimetre a second is nothing that flies, and its reciprocal is still a number.
     if (1e-6..=MOST).contains(&value) { Ok(value) } else { Err(EncounterError::Positive { field, value, max: MOST }) }
 }

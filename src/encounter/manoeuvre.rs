@@ -64,6 +64,14 @@ impl Manoeuvre {
         Ok(Self { bank_rad, miss_distance_m, ..Self::default() })
     }
 
+    /// The same at this bank.
+    ///
+    /// # Errors
+    /// [`EncounterError::Bank`] for a bank that turns nothing or carries nothing.
+    pub fn banked(self, bank_rad: f64) -> Result<Self, EncounterError> {
+        Ok(Self { bank_rad: Self::checked(bank_rad, self.miss_distance_m)?.bank_rad, ..self })
+    }
+
     /// The same with a bank that grows at this rate, rad/s.
     ///
     /// # Errors
