@@ -246,10 +246,10 @@ impl Service {
     ) -> Result<Job, Fault> {
         let request = match request {
             AskedEvaluation::Study(request) => {
-                AskedEvaluation::Study(evaluation::resolved(request, &self.lookup()).await?)
+                AskedEvaluation::Study(Box::new(evaluation::resolved(*request, &self.lookup()).await?))
             }
             AskedEvaluation::Encounters(request) => {
-                AskedEvaluation::Encounters(encounters::resolved(request, &self.lookup()).await?)
+                AskedEvaluation::Encounters(Box::new(encounters::resolved(*request, &self.lookup()).await?))
             }
         };
         let asked = request.clone();

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::alarm::Alert;
@@ -12,12 +13,11 @@ use crate::frame::Frame;
 use crate::geometry::{BodyFromCamera, CameraFromTarget, Point, space};
 use crate::pipeline::{Estimate, Options, estimate, estimate_of};
 use crate::random::case;
-use crate::scene::encounters::course::forward_camera;
+use crate::scene::encounters::course::camera_turned;
 use crate::scene::encounters::{Encounter, Sight};
 use crate::scene::render::{Model, Optics, Sky, render};
 use crate::target::Target;
 use crate::track::{Report, Tracker};
-use rand::RngExt;
 
 /// An encounter on its way. An iterator over what its frames show, up to the closest approach if nobody turns.
 #[derive(Debug)]
@@ -78,7 +78,7 @@ impl<'a> Lookout<'a> {
         let eye = match study.sensing {
             Sensing::Centroids(disturbance) => Eye::Simulated(Sight::of(&study.detector, disturbance)?),
             Sensing::Frames => Eye::Rendered {
-                sky: light.sky(drawing.random_range(0..u64::MAX), &study.camera, study.camera_pitch_rad),
+                sky: light.sky(drawing.random_range(0..u64::MAX), &study.camera, study.camera_elevation_rad),
                 optics: light.optics(),
             },
         };
@@ -91,7 +91,7 @@ impl<'a> Lookout<'a> {
         Some(Self {
             study,
             encounter,
-            camera: forward_camera(study.camera_pitch_rad),
+            camera: camera_turned(study.camera_azimuth_rad, study.camera_elevation_rad),
             model: light.on(study.intruder.clone()),
             targets: [study.intruder.target.clone()],
             options,
@@ -140,9 +140,8 @@ impl<'a> Lookout<'a> {
         if self.alert.is_none() {
             let (alarm, manoeuvre) = (&self.study.alarm, &self.study.manoeuvre);
             let own_speed_mps = self.encounter.own_speed_mps;
-            let alerts =
-                report.believed().filter_map(|track| alarm.of(track, time_s, &self.camera, own_speed_mps, manoeuvre));
-            self.alert = alerts.into_iter().next();
+            let mount = &self.camera;
+            self.alert = report.believed().find_map(|track| alarm.of(track, time_s, mount, own_speed_mps, manoeuvre));
         }
         Some(Look { time_s, truth, is_in_view, frame, estimate, report, alert: self.alert })
     }

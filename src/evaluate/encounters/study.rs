@@ -40,8 +40,10 @@ const MOST_SECONDS: f64 = 600.0;
 pub struct EncounterStudy {
     /// The camera.
     pub camera: Camera,
-    /// By how much it looks up from the own course, rad.
-    pub camera_pitch_rad: f64,
+    /// By how much it is turned to the right of the own course, rad.
+    pub camera_azimuth_rad: f64,
+    /// By how much it is turned up, rad.
+    pub camera_elevation_rad: f64,
     /// The intruder, and the constellation on it.
     pub intruder: Model,
     /// How the constellation sits on it.
@@ -147,7 +149,8 @@ impl EncounterStudy {
         );
         Self {
             camera: models::demo_camera(),
-            camera_pitch_rad: 0.0,
+            camera_azimuth_rad: 0.0,
+            camera_elevation_rad: 0.0,
             intruder,
             mount: Mount::Nose,
             traffic: Traffic {
@@ -195,7 +198,8 @@ impl EncounterStudy {
         let runs = self.runs as f64;
         let values = [
             ("traffic.attitude_sigma_rad", self.traffic.attitude_sigma_rad, [0.0, 1.0], "0 to 1 is needed"),
-            ("camera_pitch_rad", self.camera_pitch_rad, [-FRAC_PI_2, FRAC_PI_2], "-pi/2 to pi/2 is needed"),
+            ("camera_azimuth_rad", self.camera_azimuth_rad, [-PI, PI], "-pi to pi is needed"),
+            ("camera_elevation_rad", self.camera_elevation_rad, [-FRAC_PI_2, FRAC_PI_2], "-pi/2 to pi/2 is needed"),
             ("nmac_m", self.nmac_m, [1e-3, miss_distance_m], "above 0 and at most the miss distance is needed"),
             ("rate_hz", self.rate_hz, [1.0, 240.0], "1 to 240 frames a second are needed"),
             ("alert.delay_s", self.alarm.delay_s, [0.0, MOST_SECONDS], "0 to 600 s are needed"),

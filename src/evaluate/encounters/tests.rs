@@ -116,9 +116,9 @@ fn the_turn_that_is_flown_is_that_of_a_step_by_step_integration() {
     let study = EncounterStudy::standard(40, 9);
     let mut turned = 0;
     for outcome in flown(&study).into_iter().filter(|outcome| outcome.alert.is_some()) {
-        let lookout = Lookout::of(&study, outcome.number).expect("it was flown");
+        let mut lookout = Lookout::of(&study, outcome.number).expect("it was flown");
         let encounter = *lookout.encounter();
-        let alert = lookout.into_iter().find_map(|look| look.alert).expect("an alarm");
+        let alert = lookout.find_map(|look| look.alert).expect("an alarm");
         let start_s = alert.time_s + study.alarm.delay_s;
         if start_s >= 0.0 {
             continue;
@@ -220,7 +220,8 @@ fn what_cannot_be_flown_is_named() {
         ),
         (EncounterStudy { nmac_m: 7.0, ..study.clone() }, "nmac_m"),
         (EncounterStudy { rate_hz: 0.0, ..study.clone() }, "rate_hz"),
-        (EncounterStudy { camera_pitch_rad: 2.0, ..study.clone() }, "camera_pitch_rad"),
+        (EncounterStudy { camera_azimuth_rad: 4.0, ..study.clone() }, "camera_azimuth_rad"),
+        (EncounterStudy { camera_elevation_rad: 2.0, ..study.clone() }, "camera_elevation_rad"),
         (EncounterStudy { runs: 0, ..study.clone() }, "runs"),
         (EncounterStudy { runs: 6_000, sensing: Sensing::Frames, ..study.clone() }, "runs"),
         (EncounterStudy { detector: Detector::Thesis, ..study.clone() }, "detector"),

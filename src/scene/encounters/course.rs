@@ -91,10 +91,10 @@ impl Encounter {
     }
 }
 
-/// The camera in the middle of the aircraft, looking forward and up by this angle, rad.
+/// The camera in the middle of the aircraft, turned from its course to the right and up by these angles, rad.
 #[must_use]
-pub fn forward_camera(pitch_rad: f64) -> BodyFromCamera {
-    body_from_camera(EulerAngles { roll_rad: 0.0, pitch_rad, yaw_rad: 0.0 }, [0.0; 3])
+pub fn camera_turned(azimuth_rad: f64, elevation_rad: f64) -> BodyFromCamera {
+    body_from_camera(EulerAngles { roll_rad: 0.0, pitch_rad: elevation_rad, yaw_rad: azimuth_rad }, [0.0; 3])
 }
 
 /// x forward, y left, z up to x forward, y right, z down.
@@ -136,14 +136,14 @@ mod tests {
 
     /// Which way the markers look and the nose points, in the camera's axes.
     fn axes(encounter: &Encounter, time_s: f64, mount: Mount) -> [Vector3<f64>; 2] {
-        let pose = encounter.camera_from_target(time_s, &forward_camera(0.0), mount);
+        let pose = encounter.camera_from_target(time_s, &camera_turned(0.0, 0.0), mount);
         [pose.rotation * -Vector3::z(), pose.rotation * Vector3::x()]
     }
 
     #[test]
     fn head_on_a_nose_plate_looks_at_the_camera_and_a_belly_plate_down() {
         let coming = encounter(PI, [0.0, 0.0, 2.0]);
-        let pose = coming.camera_from_target(-1.0, &forward_camera(0.0), Mount::Nose);
+        let pose = coming.camera_from_target(-1.0, &camera_turned(0.0, 0.0), Mount::Nose);
         // Twenty metres ahead, two below.
         assert!((pose.translation - Vector3::new(0.0, 2.0, 20.0)).norm() < 1e-9);
         let [looks, nose] = axes(&coming, -1.0, Mount::Nose);
@@ -155,7 +155,7 @@ mod tests {
     #[test]
     fn from_the_right_it_is_seen_to_the_right_and_its_nose_points_left() {
         let crossing = encounter(-FRAC_PI_2, [0.0, 0.0, 0.0]);
-        let pose = crossing.camera_from_target(-1.0, &forward_camera(0.0), Mount::Belly);
+        let pose = crossing.camera_from_target(-1.0, &camera_turned(0.0, 0.0), Mount::Belly);
         assert!((pose.translation - Vector3::new(10.0, 0.0, 10.0)).norm() < 1e-9, "{}", pose.translation);
         let [_, nose] = axes(&crossing, -1.0, Mount::Belly);
         assert!((nose + Vector3::x()).norm() < 1e-9, "{nose}");
@@ -165,7 +165,7 @@ mod tests {
     fn a_facing_plate_looks_at_the_camera_wherever_it_is() {
         for course_rad in [PI, 2.0, -1.2, 0.3] {
             let encounter = encounter(course_rad, [0.0, 3.0, -5.0]);
-            let pose = encounter.camera_from_target(-2.0, &forward_camera(0.2), Mount::Facing);
+            let pose = encounter.camera_from_target(-2.0, &camera_turned(0.0, 0.2), Mount::Facing);
             let camera_in_target = (pose.inverse() * Point::<space::Camera>::from([0.0; 3])).coords;
             assert!((camera_in_target.normalize() + Vector3::z()).norm() < 1e-9, "{camera_in_target}");
             let matrix = pose.rotation.matrix();
@@ -175,8 +175,15 @@ mod tests {
 
     #[test]
     fn a_camera_that_looks_up_sees_the_level_below_its_middle() {
-        let pose = encounter(PI, [0.0; 3]).camera_from_target(-1.0, &forward_camera(0.1), Mount::Nose);
+        let pose = encounter(PI, [0.0; 3]).camera_from_target(-1.0, &camera_turned(0.0, 0.1), Mount::Nose);
         assert!((pose.translation.y / pose.translation.z - 0.1_f64.tan()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_camera_that_looks_aside_has_it_in_its_middle() {
+        let crossing = encounter(-FRAC_PI_2, [0.0; 3]);
+        let pose = crossing.camera_from_target(-1.0, &camera_turned(0.25 * PI, 0.0), Mount::Belly);
+        assert!((pose.translation.normalize() - Vector3::z()).norm() < 1e-9, "{}", pose.translation);
     }
 
     #[test]

@@ -79,6 +79,7 @@ const LED_ERROR_PX: f64 = 0.13;
 const LED_STATED_PX: f64 = 0.065;
 
 /// A group of markers that the detector sees as one thing.
+#[derive(Clone, Copy)]
 struct Spot {
     pixel: Pixel,
     area_px: f64,
@@ -149,7 +150,7 @@ impl Sight {
         match self.acuity {
             Acuity::Color { .. } => spots.iter().enumerate().map(drawn).collect(),
             // Light falls off so steeply that a neighbour's is felt only where the two are one.
-            Acuity::Beacon => spots.iter().map(|spot| Spot { ..*spot }).collect(),
+            Acuity::Beacon => spots.to_vec(),
         }
     }
 
@@ -268,7 +269,7 @@ mod tests {
         let (mut all, mut found, mut squares) = (0.0, 0.0, 0.0);
         for index in 0..frames {
             let mut rng = case(name, index);
-            let spin = rotation::exp(&(Vector3::z() * rng.random_range(0.0..6.28)));
+            let spin = rotation::exp(&(Vector3::z() * rng.random_range(0.0..std::f64::consts::TAU)));
             let turn = Rotation3::from_axis_angle(&Vector3::x_axis(), tilt_rad) * spin;
             let pose = CameraFromTarget::new(turn, Vector3::new(0.01 * range_m, -0.007 * range_m, range_m));
             let detection = look(&pose, &model, index);

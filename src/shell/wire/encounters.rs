@@ -5,7 +5,6 @@ pub mod figures;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::detector::Method;
 use super::evaluation::EvaluationRequest;
 use super::pose::SolverName;
 use super::reference::{CameraOrName, TargetOrName};
@@ -27,12 +26,11 @@ pub const ENCOUNTERS: &str = "encounters";
 /// What an evaluation is asked to do, as JSON.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(untagged)]
-#[expect(clippy::large_enum_variant, reason = "there is one for each job")]
 pub enum AskedEvaluation {
     /// Solvers on simulated cases.
-    Study(EvaluationRequest),
+    Study(Box<EvaluationRequest>),
     /// Encounters, flown.
-    Encounters(EncountersRequest),
+    Encounters(Box<EncountersRequest>),
 }
 
 impl AskedEvaluation {
@@ -42,8 +40,8 @@ impl AskedEvaluation {
     /// What is wrong with it.
     pub fn read(value: serde_json::Value) -> Result<Self, Fault> {
         match value.get("kind") {
-            None => from_value(value).map(Self::Study),
-            Some(kind) if kind == ENCOUNTERS => from_value(value).map(Self::Encounters),
+            None => from_value(value).map(Box::new).map(Self::Study),
+            Some(kind) if kind == ENCOUNTERS => from_value(value).map(Box::new).map(Self::Encounters),
             Some(kind) => {
                 let detail = format!("no kind {kind}: there is {ENCOUNTERS:?}, and studies of solvers without a kind");
                 Err(Fault::senseless("/kind", detail))
@@ -78,10 +76,14 @@ pub struct EncountersRequest {
     #[serde(default)]
     #[schema(value_type = Option<CameraOrName>)]
     pub camera: Option<Ref<CameraWire>>,
-    /// By how much it looks up from the own course.
+    /// By how much it is turned to the right of the own course.
     #[serde(default)]
-    #[schema(minimum = -1.5708, maximum = 1.5708)]
-    pub camera_pitch_rad: f64,
+    #[schema(minimum = -3.141_592_653_589_793, maximum = 3.141_592_653_589_793, default = 0)]
+    pub camera_azimuth_rad: f64,
+    /// By how much it is turned up.
+    #[serde(default)]
+    #[schema(minimum = -1.570_796_326_794_896_6, maximum = 1.570_796_326_794_896_6, default = 0)]
+    pub camera_elevation_rad: f64,
     /// The constellation on the intruder, or the name of a stored one; if left out, six discs of 9 cm radius on a flying wing of 4.2 m span.
     #[serde(default)]
     #[schema(value_type = Option<TargetOrName>)]
@@ -314,7 +316,8 @@ impl Default for EncountersRequest {
             sensing: SensingName::default(),
             centroids: CentroidsWire::default(),
             camera: None,
-            camera_pitch_rad: 0.0,
+            camera_azimuth_rad: 0.0,
+            camera_elevation_rad: 0.0,
             target: None,
             mount: MountName::default(),
             traffic: TrafficWire::default(),
@@ -366,7 +369,8 @@ impl EncountersRequest {
         let AlertWire { delay_s, sigmas, lead_s } = self.alert;
         Ok(EncounterStudy {
             camera,
-            camera_pitch_rad: self.camera_pitch_rad,
+            camera_azimuth_rad: self.camera_azimuth_rad,
+            camera_elevation_rad: self.camera_elevation_rad,
             intruder,
             mount: self.mount.into(),
             traffic: Traffic { own_speed_mps, intruder_speed_mps, course_rad, miss_m, attitude_sigma_rad },
@@ -383,12 +387,6 @@ impl EncountersRequest {
             rate_hz: self.rate_hz,
             ..standard
         })
-    }
-
-    /// Whether markers are LEDs at night.
-    #[must_use]
-    pub fn is_night(&self) -> bool {
-        self.detector.method == Method::Beacon
     }
 }
 
@@ -446,7 +444,7 @@ mod tests {
         let AskedEvaluation::Encounters(read) = AskedEvaluation::read(written).expect("itself") else {
             panic!("another")
         };
-        assert_eq!(read, EncountersRequest::default());
+        assert_eq!(*read, EncountersRequest::default());
     }
 
     #[test]

@@ -37,7 +37,7 @@ pub(super) fn asked(what: &Path) -> Result<Option<EncountersRequest>, Fault> {
     }
     let named = |fault: Fault| Fault { detail: format!("{}: {}", what.display(), fault.detail), ..fault };
     match AskedEvaluation::read(value).map_err(named)? {
-        AskedEvaluation::Encounters(request) => Ok(Some(request)),
+        AskedEvaluation::Encounters(request) => Ok(Some(*request)),
         AskedEvaluation::Study(_) => Ok(None),
     }
 }
