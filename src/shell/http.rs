@@ -14,6 +14,7 @@ pub mod server;
 mod assessments;
 mod calibrations;
 mod detections;
+mod encounters;
 mod estimates;
 mod jobs;
 mod live;
@@ -63,6 +64,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(things::list_cameras))
         .routes(routes!(things::get_camera, things::put_camera, things::delete_camera))
         .routes(routes!(assessments::post))
+        .routes(routes!(encounters::post))
         .routes(routes!(calibrations::list))
         .routes(routes!(calibrations::get, calibrations::delete))
         .routes(routes!(calibrations::events))

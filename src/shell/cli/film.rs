@@ -6,17 +6,63 @@ use image::RgbImage;
 
 use super::Stop;
 use crate::annotate::{Overlay, annotate, caption};
-use crate::encounter::{NoTurn, RelativeState, latest_turn};
-use crate::evaluate::encounters::{Alert, EncounterStudy, Look, Lookout, Sensing};
+use crate::encounter::{NoTurn, Question, RelativeState, Situation, latest_turn};
+use crate::evaluate::encounters::{Alarm, Alert, EncounterStudy, Look, Lookout, Sensing};
+use crate::scene::encounters::Traffic;
+use crate::scene::encounters::intruder::{plate, wing};
 use crate::shell::console::{note, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::film::{Film, is_video_name};
 use crate::shell::grab::{GrabError, is_interrupted};
+use crate::shell::wire::encounters::fault_of_study;
 use crate::track::Life;
 
 /// Colours of the lines, sRGB.
 const PLAIN: [u8; 3] = [235, 238, 242];
 const ALARM: [u8; 3] = [255, 110, 96];
+
+/// Span of the flying wing, m.
+const WING_SPAN_M: f64 = 1.4;
+
+/// The encounter of a question, to be flown: the two meet, the markers asked for (or those of a flying wing of that width) at the intruder's nose.
+/// Without a camera it is the demo's, turned to where the intruder comes from.
+///
+/// # Errors
+/// Of what cannot be flown.
+pub(super) fn study_of(question: &Question) -> Result<EncounterStudy, Fault> {
+    let standard = EncounterStudy::standard(1, 0);
+    let Situation::Meeting { course, .. } = &question.situation else {
+        return Err(Fault::new(FaultKind::Senseless, "frames are drawn of two that meet, by a scenario or a course"));
+    };
+    let intruder = match &question.marked {
+        Some(marked) => plate(marked.target.clone()),
+        None => wing(question.size_m[0] / WING_SPAN_M).unwrap_or(standard.intruder),
+    };
+    let (camera, [azimuth_rad, elevation_rad]) = match &question.eye {
+        Some(eye) => (*eye.camera(), eye.axis_rad()),
+        None => (standard.camera, course.at_range(1e3).map_or([0.0; 2], |state| state.bearing_rad())),
+    };
+    let [.., link, decision] = question.delays.named();
+    let study = EncounterStudy {
+        camera,
+        camera_azimuth_rad: azimuth_rad,
+        camera_elevation_rad: elevation_rad,
+        intruder,
+        traffic: Traffic {
+            own_speed_mps: [course.own_speed_mps(); 2],
+            intruder_speed_mps: [course.intruder_speed_mps(); 2],
+            course_rad: [course.course_rad(); 2],
+            miss_m: [0.0; 2],
+            attitude_sigma_rad: 0.0,
+        },
+        manoeuvre: question.manoeuvre,
+        alarm: Alarm { delay_s: link.1 + decision.1, ..standard.alarm },
+        nmac_m: standard.nmac_m.min(question.manoeuvre.miss_distance_m()),
+        ..standard
+    };
+    study.check().map_err(|error| Fault { pointer: None, ..fault_of_study(&error) })?;
+    Ok(study)
+}
 
 /// Writes encounter number `number` of a study to `out`: a video if it has the name of one, a folder of pictures otherwise.
 pub(super) fn film(study: &EncounterStudy, number: u64, out: &Path) -> Result<(), Stop> {
