@@ -194,7 +194,7 @@ fn manoeuvre(request: &EncounterRequest) -> Result<Manoeuvre, Fault> {
             Err(Fault::senseless("/roll_in_s", "roll_in_s beside roll_rate_radps, which says it already"))
         }
         (Some(rate), None) => turn.rolling(rate).map_err(fault),
-        (None, Some(0.0)) | (None, None) => Ok(turn),
+        (None, Some(0.0) | None) => Ok(turn),
         (None, Some(time_s)) => {
             let detail = format!("roll_in_s = {time_s}: a time from 0 to 86400 s is needed");
             let rate = request.bank_rad / time_s;
