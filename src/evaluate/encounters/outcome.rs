@@ -239,16 +239,18 @@ fn state(encounter: &Encounter, time_s: f64) -> Option<RelativeState> {
     RelativeState::checked(position, encounter.velocity_mps).ok()
 }
 
-/// A number that may not be.
-fn write_option(value: Option<f64>, to: &mut Vec<f64>) {
-    u64::from(value.is_some()).write(to);
-    value.unwrap_or_default().write(to);
-}
+/// A number that may not be: whether it is, and what.
+impl Numbers for Option<f64> {
+    fn write(&self, to: &mut Vec<f64>) {
+        u64::from(self.is_some()).write(to);
+        self.unwrap_or_default().write(to);
+    }
 
-fn read_option(from: &mut impl Iterator<Item = f64>) -> Option<Option<f64>> {
-    let is_some = u64::read(from)? == 1;
-    let value = f64::read(from)?;
-    Some(is_some.then_some(value))
+    fn read(from: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let is_some = u64::read(from)? == 1;
+        let value = f64::read(from)?;
+        Some(is_some.then_some(value))
+    }
 }
 
 impl Numbers for Outcome {
@@ -264,13 +266,13 @@ impl Numbers for Outcome {
         ] {
             value.write(to);
         }
-        write_option(self.needed_s, to);
+        self.needed_s.write(to);
         u64::from(self.is_conflict).write(to);
         for moment in [self.in_view, self.seen, self.posed, self.tracked, self.alert] {
-            write_option(moment.map(|moment| moment.time_s), to);
-            write_option(moment.map(|moment| moment.range_m), to);
+            moment.map(|moment| moment.time_s).write(to);
+            moment.map(|moment| moment.range_m).write(to);
         }
-        write_option(self.alert_error_m, to);
+        self.alert_error_m.write(to);
         self.frames.write(to);
     }
 
@@ -278,11 +280,11 @@ impl Numbers for Outcome {
         let number = u64::read(from)?;
         let [own_speed_mps, intruder_speed_mps, course_rad, relative_speed_mps, unavoided_miss_m, miss_m] =
             <[f64; 6]>::read(from)?;
-        let needed_s = read_option(from)?;
+        let needed_s = <Option<f64>>::read(from)?;
         let is_conflict = u64::read(from)? == 1;
         let mut moments = [None; 5];
         for moment in &mut moments {
-            let (time_s, range_m) = (read_option(from)?, read_option(from)?);
+            let [time_s, range_m] = <[Option<f64>; 2]>::read(from)?;
             *moment = time_s.zip(range_m).map(|(time_s, range_m)| Moment { time_s, range_m });
         }
         let [in_view, seen, posed, tracked, alert] = moments;
@@ -301,7 +303,7 @@ impl Numbers for Outcome {
             posed,
             tracked,
             alert,
-            alert_error_m: read_option(from)?,
+            alert_error_m: <Option<f64>>::read(from)?,
             frames: u64::read(from)?,
         })
     }

@@ -203,7 +203,7 @@ fn what_cannot_be_flown_is_named() {
     let alarm = |alarm: Alarm| EncounterStudy { alarm, ..study.clone() };
     let disturbed = |disturbance| EncounterStudy { sensing: Sensing::Centroids(disturbance), ..study.clone() };
     let plain = Disturbance::default();
-    let cases = [
+    let cases = vec![
         (traffic(Traffic { own_speed_mps: [0.0, 5.0], ..study.traffic }), "traffic.own_speed_mps"),
         (traffic(Traffic { intruder_speed_mps: [9.0, 5.0], ..study.traffic }), "traffic.intruder_speed_mps"),
         (traffic(Traffic { course_rad: [0.0, f64::NAN], ..study.traffic }), "traffic.course_rad"),

@@ -1,5 +1,10 @@
 //! Encounters that are flown by the hundred: what is asked; what comes of it is in `figures`.
 
+#![expect(
+    clippy::approx_constant,
+    reason = "limits in the document are literals; the core checks against the constants"
+)]
+
 pub mod figures;
 
 use serde::{Deserialize, Serialize};
