@@ -162,7 +162,7 @@ fn what_pixels_allow_is_told_for_each_task() {
     };
     let all = [Task::Detection, Task::Classification, Task::Markers, Task::Identification, Task::Pose];
     assert_eq!(feasible(4.0), all);
-    assert_eq!(feasible(60.0), [Task::Detection, Task::Classification, Task::Identification]);
+    assert_eq!(feasible(50.0), [Task::Detection, Task::Classification, Task::Identification]);
     assert_eq!(feasible(150.0), [Task::Detection]);
     assert_eq!(feasible(500.0), []);
     // What it says of its reach holds: just enough on this side, just too little on that.

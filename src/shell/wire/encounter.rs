@@ -1,5 +1,10 @@
 //! How early must it be seen, and can this camera do it: request of `POST /v1/encounters`.
 
+#![expect(
+    clippy::approx_constant,
+    reason = "limits in the document are literals; the core checks against the constants"
+)]
+
 mod reply;
 
 use serde::{Deserialize, Serialize};

@@ -50,24 +50,7 @@ impl EncounterTask {
         let width_m = positive("target_width_m", request.target_width_m).map_err(fault)?;
         let height_m = request.target_height_m.unwrap_or(HEIGHT_RATIO * width_m);
         let height_m = positive("target_height_m", height_m).map_err(fault)?;
-        let eye = match &request.camera {
-            Some(camera) => {
-                let camera = lookup.camera(camera).await.map_err(|fault| fault.within("/camera"))?;
-                let axis = [request.camera_azimuth_rad, request.camera_elevation_rad];
-                Some(Eye::checked(camera, axis[0], axis[1]).map_err(fault)?)
-            }
-            None => {
-                let angles = [
-                    ("camera_azimuth_rad", request.camera_azimuth_rad),
-                    ("camera_elevation_rad", request.camera_elevation_rad),
-                ];
-                if let Some((field, value)) = angles.into_iter().find(|(_, value)| *value != 0.0) {
-                    let detail = format!("{field} = {value} without a camera: nothing is turned");
-                    return Err(Fault::senseless(format!("/{field}"), detail));
-                }
-                None
-            }
-        };
+        let eye = eye(&request, lookup).await?;
         let options = assess_options(&request, terms)?;
         let marked = match &request.target {
             Some(_) if eye.is_none() => {
@@ -145,6 +128,22 @@ fn fault(error: EncounterError) -> Fault {
     Fault::senseless(format!("/{}", error.field()), error.to_string())
 }
 
+async fn eye(request: &EncounterRequest, lookup: &Lookup<'_>) -> Result<Option<Eye>, Fault> {
+    let angles = [request.camera_azimuth_rad, request.camera_elevation_rad];
+    if let Some(camera) = &request.camera {
+        let camera = lookup.camera(camera).await.map_err(|fault| fault.within("/camera"))?;
+        return Eye::checked(camera, angles[0], angles[1]).map(Some).map_err(fault);
+    }
+    let mut named = ["camera_azimuth_rad", "camera_elevation_rad"].into_iter().zip(angles);
+    match named.find(|(_, value)| *value != 0.0) {
+        Some((field, value)) => {
+            let detail = format!("{field} = {value} without a camera: nothing is turned");
+            Err(Fault::senseless(format!("/{field}"), detail))
+        }
+        None => Ok(None),
+    }
+}
+
 fn situation(request: &EncounterRequest) -> Result<Situation, Fault> {
     let own_speed_mps = positive("own_speed_mps", request.own_speed_mps).map_err(fault)?;
     if let Some(relative) = &request.relative {
@@ -194,7 +193,7 @@ fn manoeuvre(request: &EncounterRequest) -> Result<Manoeuvre, Fault> {
             Err(Fault::senseless("/roll_in_s", "roll_in_s beside roll_rate_radps, which says it already"))
         }
         (Some(rate), None) => turn.rolling(rate).map_err(fault),
-        (None, Some(0.0)) | (None, None) => Ok(turn),
+        (None, Some(0.0) | None) => Ok(turn),
         (None, Some(time_s)) => {
             let detail = format!("roll_in_s = {time_s}: a time from 0 to 86400 s is needed");
             let rate = request.bank_rad / time_s;

@@ -81,34 +81,27 @@ fn title(question: &Question) -> &'static str {
 /// What it comes to.
 pub(in crate::shell) fn sentences(wire: &EncounterReply) -> Vec<(String, bool)> {
     let mut said = Vec::new();
-    match (wire.time_to_avoid_s, wire.distance_to_avoid_m, wire.time_to_detect_s, wire.distance_to_detect_m) {
-        (Some(avoid_s), Some(avoid_m), Some(detect_s), Some(detect_m)) => {
-            said.push((
-                format!(
-                    "The turn must begin {avoid_s:.2} s before the closest approach, {avoid_m:.0} m apart; the intruder must be in sight \
-                     {detect_s:.2} s before it, {detect_m:.0} m apart."
-                ),
-                true,
-            ));
-            let left_s = wire.time_left_s.unwrap_or_default();
-            let range_m = wire.range_m;
-            said.push(if left_s >= 0.0 {
-                (format!("Now {range_m:.0} m apart, {left_s:.1} s are left until then."), true)
-            } else {
-                (format!("Now {range_m:.0} m apart, that moment has passed by {:.1} s.", -left_s), false)
-            });
-            if let Some(room) = wire.airspace.filter(|room| room.enough == Some(false)) {
-                let room_m = room.range_m;
-                said.push((
-                    format!("The airspace has room for {room_m:.0} m only: in it nobody is in sight so early."),
-                    false,
-                ));
-            }
-        }
-        _ => {
-            let detail = wire.detail.clone().unwrap_or_default();
-            said.push((format!("No turn is told: {detail}."), wire.reason == Some(NoTurnName::NotNeeded)));
-        }
+    if let (Some(avoid_s), Some(avoid_m), Some(detect_s), Some(detect_m)) =
+        (wire.time_to_avoid_s, wire.distance_to_avoid_m, wire.time_to_detect_s, wire.distance_to_detect_m)
+    {
+        let needed = format!(
+            "The turn must begin {avoid_s:.2} s before the closest approach, {avoid_m:.0} m apart; the intruder must be in sight \
+             {detect_s:.2} s before it, {detect_m:.0} m apart."
+        );
+        let (left_s, range_m) = (wire.time_left_s.unwrap_or_default(), wire.range_m);
+        let now = if left_s >= 0.0 {
+            format!("Now {range_m:.0} m apart, {left_s:.1} s are left until then.")
+        } else {
+            format!("Now {range_m:.0} m apart, that moment has passed by {:.1} s.", -left_s)
+        };
+        said.extend([(needed, true), (now, left_s >= 0.0)]);
+    } else {
+        let detail = wire.detail.clone().unwrap_or_default();
+        said.push((format!("No turn is told: {detail}."), wire.reason == Some(NoTurnName::NotNeeded)));
+    }
+    if let Some(room) = wire.airspace.filter(|room| room.enough == Some(false)) {
+        let room_m = room.range_m;
+        said.push((format!("The airspace has room for {room_m:.0} m only: in it nobody is in sight so early."), false));
     }
     if let Some(view) = &wire.view {
         if !view.in_picture {
