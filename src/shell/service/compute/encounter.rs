@@ -134,8 +134,8 @@ async fn eye(request: &EncounterRequest, lookup: &Lookup<'_>) -> Result<Option<E
         let camera = lookup.camera(camera).await.map_err(|fault| fault.within("/camera"))?;
         return Eye::checked(camera, angles[0], angles[1]).map(Some).map_err(fault);
     }
-    let named = ["camera_azimuth_rad", "camera_elevation_rad"].into_iter().zip(angles);
-    match named.into_iter().find(|(_, value)| *value != 0.0) {
+    let mut named = ["camera_azimuth_rad", "camera_elevation_rad"].into_iter().zip(angles);
+    match named.find(|(_, value)| *value != 0.0) {
         Some((field, value)) => {
             let detail = format!("{field} = {value} without a camera: nothing is turned");
             Err(Fault::senseless(format!("/{field}"), detail))
