@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Rooms from the inside out; a room knows itself, the rooms above it in its own group as far as `GROUPS` says, and all
 /// groups before.
 const WORDS: [&str; 7] = ["geometry", "camera", "target", "board", "frame", "random", "statistics"];
-const FLOW: [&str; 7] = ["detect", "solve", "refine", "pose", "identify", "track", "pipeline"];
+const FLOW: [&str; 8] = ["detect", "solve", "refine", "pose", "identify", "track", "swarm", "pipeline"];
 const WORKSHOPS: [&str; 7] = ["scene", "annotate", "assess", "plot", "encounter", "calibrate", "evaluate"];
 /// Workshops that are built on others.
 const BUILT_ON: [(&str, &[&str]); 1] = [("evaluate", &["scene", "plot"])];
