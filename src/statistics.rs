@@ -130,7 +130,7 @@ mod tests {
             assert!((chi_square_limit(pairs, share) - tabulated).abs() < 1e-4, "{pairs} {share}");
             assert!((chi_square_share_above(pairs, tabulated) - share).abs() < 1e-6, "{pairs} {share}");
         }
-        assert_eq!([chi_square_share_above(3, 0.0), chi_square_share_above(3, 1e9)], [1.0, 0.0]);
+        assert!(chi_square_share_above(3, 0.0) > 1.0 - 1e-15 && chi_square_share_above(3, 1e9) < 1e-300);
     }
 
     #[test]

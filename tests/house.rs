@@ -46,11 +46,16 @@ const WORLD: [&str; 19] = [
 ];
 
 /// Exceptions, each with its reason.
-const EXCEPTIONS: [(&str, &str, &str); 7] = [
+const EXCEPTIONS: [(&str, &str, &str); 12] = [
     ("annotate/tests.rs", "scene", "drawings are held against rendered frames"),
     ("calibrate/estimate/tests.rs", "scene", "cameras are held against simulated sets"),
     ("calibrate/find/chessboard/tests.rs", "scene", "corners are held against rendered frames"),
     ("calibrate/find/views.rs", "scene", "what is found of boards is held against rendered frames, in tests only"),
+    ("swarm/tests/drawn.rs", "println!", "a test shows its figures"),
+    ("swarm/tests/flights.rs", "scene", "fused poses are held against simulated flights"),
+    ("swarm/tests/flights.rs", "println!", "a test shows its figures"),
+    ("swarm/tests/moments.rs", "scene", "fused poses are held against simulated flights"),
+    ("swarm/tests/moments.rs", "println!", "a test shows its figures"),
     ("track/tests/flights.rs", "scene", "tracks are held against simulated flights"),
     ("track/tests/consistency.rs", "scene", "tracks are held against simulated flights"),
     ("track/tests/consistency.rs", "println!", "a test shows its figures"),

@@ -140,7 +140,7 @@ fn of_mirrored_attitudes_on_both_sides_the_true_pair_is_found() {
         claimed += found.fused[0].probability;
         clear += u64::from(found.fused[0].probability > 0.99);
     }
-    println!("{right} of {told} right, {:.1} claimed, {clear} clear", claimed);
+    println!("{right} of {told} right, {claimed:.1} claimed, {clear} clear");
     assert!(told as f64 > 0.998 * CASES as f64, "{told}");
     // As often as it says, within three deviations of so rare a thing; and one look nearly always tells.
     let wrong = told as f64 - claimed;
