@@ -41,7 +41,7 @@ fn free_endpoint() -> String {
 /// A station that listens to a camera of ROS, with the stream `front`.
 async fn station(endpoint: &str, form: RosForm, type_hash: bool) -> Station {
     let station = Station::equipped_with(|settings| {
-        settings.zenoh.network = endpoint.to_owned();
+        endpoint.clone_into(&mut settings.zenoh.network);
         settings.zenoh.node = "alpha".into();
         settings.streams.max_age_ms = 20_000;
         settings.ros.form = form;
@@ -165,7 +165,7 @@ async fn a_robot_on_rmw_zenoh_sends_pictures_and_gets_poses() {
     }
     let publisher =
         one(&format!("/MP/%/%/skypose/%skypose%front%wing_six%pose/{}/{}/::,10:,:,:,,", POSE.dds_name, POSE.hash));
-    let gid: String = Attachment::gid_of(publisher).iter().map(|byte| format!("{byte:02x}")).collect();
+    let gid = Attachment::gid_of(publisher).iter().fold(String::new(), |gid, byte| format!("{gid}{byte:02x}"));
     for (sequence, pose) in (1..).zip(report["poses"].as_array().expect("poses")) {
         let note = &pose["attachment"];
         assert_eq!((&note["sequence"], &note["gid"]), (&json!(sequence), &json!(gid)));
