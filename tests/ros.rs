@@ -165,7 +165,7 @@ async fn a_robot_on_rmw_zenoh_sends_pictures_and_gets_poses() {
     }
     let publisher =
         one(&format!("/MP/%/%/skypose/%skypose%front%wing_six%pose/{}/{}/::,10:,:,:,,", POSE.dds_name, POSE.hash));
-    let gid = Attachment::gid_of(publisher).iter().fold(String::new(), |gid, byte| format!("{gid}{byte:02x}"));
+    let gid = Attachment::gid_of(publisher).iter().fold(String::new(), |gid, byte| gid + &format!("{byte:02x}"));
     for (sequence, pose) in (1..).zip(report["poses"].as_array().expect("poses")) {
         let note = &pose["attachment"];
         assert_eq!((&note["sequence"], &note["gid"]), (&json!(sequence), &json!(gid)));
