@@ -2,6 +2,7 @@
 //! at once.
 
 mod load;
+mod swarm;
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -17,6 +18,7 @@ use crate::shell::store::{address_problem, check_name};
 use crate::shell::wire::TrackOptionsWire;
 
 pub use load::{SettingFault, load};
+pub use swarm::{SwarmBody, SwarmCamera, SwarmSettings};
 
 /// All settings. `deploy/skypose.toml` lists them with their defaults and reasons.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
@@ -42,6 +44,8 @@ pub struct Settings {
     pub track: TrackOptionsWire,
     /// The swarm side.
     pub zenoh: ZenohSettings,
+    /// Nodes that see each other.
+    pub swarm: SwarmSettings,
     /// Robots that speak ROS 2.
     pub ros: RosSettings,
     /// Ground stations and autopilots.
@@ -667,6 +671,7 @@ impl Settings {
         need(is_prefix && zenoh.prefix.len() <= 256, "zenoh.prefix", "must be names with slashes between");
         self.ros.faults(&zenoh.network, &mut need);
         self.mavlink.faults(&mut need);
+        self.swarm.faults(&mut need);
         if let Err(fault) = self.track.options() {
             let option = fault.pointer.as_deref().unwrap_or_default().trim_start_matches('/');
             faults.push(SettingFault { setting: format!("track.{option}"), problem: fault.detail });

@@ -17,6 +17,7 @@ pub mod problem;
 pub mod rate;
 pub mod recorded;
 pub mod reference;
+pub mod relative;
 pub mod sighting;
 pub mod stream;
 pub mod swarm;
