@@ -15,7 +15,7 @@ use crate::frame::Limits;
 use crate::identify::IdentifyOptions;
 use crate::pipeline;
 use crate::shell::store::{address_problem, check_name};
-use crate::shell::wire::TrackOptionsWire;
+use crate::shell::wire::{ActOptionsWire, TrackOptionsWire};
 
 pub use load::{SettingFault, load};
 pub use swarm::{SwarmBody, SwarmCamera, SwarmSettings};
@@ -42,6 +42,8 @@ pub struct Settings {
     pub streams: StreamSettings,
     /// How tracks are kept.
     pub track: TrackOptionsWire,
+    /// What our aircraft can do about an encounter.
+    pub encounter: ActOptionsWire,
     /// The swarm side.
     pub zenoh: ZenohSettings,
     /// Nodes that see each other.
@@ -675,6 +677,10 @@ impl Settings {
         if let Err(fault) = self.track.options() {
             let option = fault.pointer.as_deref().unwrap_or_default().trim_start_matches('/');
             faults.push(SettingFault { setting: format!("track.{option}"), problem: fault.detail });
+        }
+        if let Err(fault) = self.encounter.means() {
+            let option = fault.pointer.as_deref().unwrap_or_default().trim_start_matches('/');
+            faults.push(SettingFault { setting: format!("encounter.{option}"), problem: fault.detail });
         }
         if !self.store.storage.is_empty()
             && let Some(problem) = address_problem(self.store.storage.expose())

@@ -5,6 +5,7 @@ use std::collections::btree_map::Entry;
 use std::time::Duration;
 
 use crate::camera::Camera;
+use crate::encounter::Means;
 use crate::frame::Region;
 use crate::pipeline::TargetEstimate;
 use crate::pose::PoseAnswer;
@@ -42,11 +43,11 @@ pub struct Followed {
     pub tracks: Vec<Track>,
 }
 
-/// These as they are told.
+/// These as they are told, with what is left to do by these means.
 #[must_use]
-pub fn told(timestamp_us: i64, followed: &[Followed]) -> TracksWire {
+pub fn told(timestamp_us: i64, followed: &[Followed], means: Option<&Means>) -> TracksWire {
     let tracks =
-        followed.iter().flat_map(|of| of.tracks.iter().map(|track| TrackWire::of(&of.target, track))).collect();
+        followed.iter().flat_map(|of| of.tracks.iter().map(|track| TrackWire::of(&of.target, track, means))).collect();
     TracksWire { timestamp_us, tracks }
 }
 
@@ -168,18 +169,18 @@ mod tests {
             let found = [seen(&targets[0], f64::from(step) * 0.05)];
             told = tracks.step(at(step), &targets, &found, &options).expect("steps");
         }
-        let told = super::told(at(29), &told.expect("younger"));
+        let told = super::told(at(29), &told.expect("younger"), None);
         let [track] = &told.tracks[..] else { panic!("{told:?}") };
         assert_eq!((track.life, track.seen_count, track.target.as_str()), (LifeName::Confirmed, 30, targets[0].name()));
         let speed = track.motion.closing_speed_mps.expect("told");
         assert!((speed.value - 2.0).abs() < 4.0 * speed.sigma.max(0.02), "{speed:?}");
         assert_eq!(tracks.step(at(29), &targets, &[], &options), Ok(None));
         let coasting = tracks.step(at(30), &targets, &[], &options).expect("steps").expect("younger");
-        assert_eq!(super::told(at(30), &coasting).tracks[0].life, LifeName::Coasting);
+        assert_eq!(super::told(at(30), &coasting, None).tracks[0].life, LifeName::Coasting);
         // The clock was set back: the old track ends, and a new one begins.
         let found = [seen(&targets[0], 0.0)];
         let again = tracks.step(1_000, &targets, &found, &options).expect("steps").expect("a beginning");
-        let again = super::told(1_000, &again);
+        let again = super::told(1_000, &again, None);
         let [ended, begun] = &again.tracks[..] else { panic!("{again:?}") };
         assert_eq!((ended.id, ended.life, ended.lost_because), (track.id, LifeName::Lost, Some(LossName::Gap)));
         assert_eq!((begun.seen_count, begun.id > ended.id), (1, true));
@@ -226,7 +227,7 @@ mod tests {
         let (mut tracks, options) = (Tracks::default(), TrackOptions::default());
         let found = [seen(&targets[0], 0.0)];
         let life = |told: Result<Option<Vec<Followed>>, Fault>| {
-            let told = super::told(0, &told.expect("steps").expect("younger"));
+            let told = super::told(0, &told.expect("steps").expect("younger"), None);
             (told.tracks[0].id, told.tracks[0].life)
         };
         assert_eq!(life(tracks.step(1_000_000, &targets, &found, &options)), (0, LifeName::Tentative));

@@ -41,14 +41,14 @@ impl Memory {
         taken_us: i64,
         terms: &Terms,
     ) -> Result<Seeing, Fault> {
-        let StreamTask { task, search, track } = stream;
+        let StreamTask { task, search, track, means } = stream;
         let part = match search {
             SearchName::Full => None,
             SearchName::Predicted => self.part(task, taken_us),
         };
         let (task, frame, estimate, timing) = self.estimated(frame, task, part, terms)?;
         let followed = self.tracks.step(taken_us, task.targets(), &estimate.targets, track)?;
-        let tracks = followed.as_ref().map(|followed| told(taken_us, followed));
+        let tracks = followed.as_ref().map(|followed| told(taken_us, followed, means.as_ref()));
         let reply = task.estimate_reply(&frame, &estimate, Some(&self.watch), timing);
         let (estimate, tracks) = (written(&reply)?, tracks.as_ref().map(written).transpose()?);
         Ok(Seeing { estimate, tracks, timing, targets: reply.targets, followed: followed.unwrap_or_default() })
