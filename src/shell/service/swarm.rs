@@ -89,9 +89,8 @@ impl Swarm {
 fn log_change(before: Option<&AgreementWire>, now: &AgreementWire) {
     let (other, squared, limit) = (&now.other, now.distance_squared, now.limit);
     match (before.map(|before| before.verdict), now.verdict) {
-        (before, verdict) if before == Some(verdict) => {}
-        (None, VerdictName::Agreed) => {}
-        (Some(_), VerdictName::Agreed) => tracing::info!(%other, squared, limit, "views agree again"),
+        (before, verdict) if before.unwrap_or(VerdictName::Agreed) == verdict => {}
+        (_, VerdictName::Agreed) => tracing::info!(%other, squared, limit, "views agree again"),
         (_, VerdictName::Disagreed) => {
             tracing::warn!(%other, squared, limit, "what we see of it and what it sees of us disagree");
         }
@@ -128,7 +127,7 @@ impl Service {
                     }
                     Err(NoView::Contradiction { comparison, views }) => {
                         let views: Vec<_> = views.iter().map(|view| (self.node.as_str(), view)).collect();
-                        let nodes = [self.node.as_str(), peer];
+                        let nodes = [self.node.as_str(), peer.as_str()];
                         let verdict = VerdictName::CamerasDisagree;
                         let told = AgreementWire::of(verdict, nodes, timestamp_us, &views, &comparison);
                         swarm.tell(SwarmTold::Agreement(told));
