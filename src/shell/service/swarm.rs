@@ -23,7 +23,7 @@ pub enum SwarmTold {
     /// Where our cameras see another.
     Relative(RelativeWire),
     /// How that agrees with what it says of us.
-    Agreement(AgreementWire),
+    Agreement(Box<AgreementWire>),
 }
 
 /// What is known of the others.
@@ -76,7 +76,7 @@ impl Swarm {
                 let of = last.entry(agreement.other.clone()).or_default();
                 log_change(of.agreement.as_ref(), agreement);
                 metrics::counter!("skypose_comparisons_total", "verdict" => agreement.verdict.name()).increment(1);
-                of.agreement = Some(agreement.clone());
+                of.agreement = Some(AgreementWire::clone(agreement));
             }
         }
         drop(last);
@@ -130,7 +130,7 @@ impl Service {
                         let nodes = [self.node.as_str(), peer.as_str()];
                         let verdict = VerdictName::CamerasDisagree;
                         let told = AgreementWire::of(verdict, nodes, timestamp_us, &views, &comparison);
-                        swarm.tell(SwarmTold::Agreement(told));
+                        swarm.tell(SwarmTold::Agreement(Box::new(told)));
                     }
                     Err(NoView::Unseen) => {}
                 }
@@ -164,7 +164,8 @@ impl Service {
         let views = [(self.node.as_str(), &own.view), (peer, &theirs)];
         let told = AgreementWire::of(verdict, [&self.node, peer], timestamp_us, &views, &comparison);
         let frame_age_us = u64::try_from(own.apart.as_micros()).unwrap_or(u64::MAX);
-        swarm.tell(SwarmTold::Agreement(AgreementWire { frame_age_us, ..told.with_fused(&comparison.fused) }));
+        let told = AgreementWire { frame_age_us, ..told.with_fused(&comparison.fused) };
+        swarm.tell(SwarmTold::Agreement(Box::new(told)));
         Ok(())
     }
 
