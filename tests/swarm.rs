@@ -218,7 +218,9 @@ async fn two_nodes_that_see_each_other_agree_and_who_lies_is_told() {
     pair.fly(begun_us).await;
 
     let told = heard(&agreements).await;
-    told.iter().for_each(|told| assert_agreed(told, begun_us));
+    for told in &told {
+        assert_agreed(told, begun_us);
+    }
     // Tracks are believed from the third frame on.
     assert!(told.len() >= 9, "{}", told.len());
     let theirs = next(&of_beta).await;
