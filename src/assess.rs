@@ -18,10 +18,12 @@ mod warning;
 
 use crate::camera::Camera;
 use crate::detect::ColorOptions;
+use crate::geometry::{CameraFromTarget, PoseCovariance};
 use crate::identify::IdentifyOptions;
 use crate::target::Target;
 use draws::Draw;
 use nalgebra::Vector3;
+use sight::Sight;
 use stage::Stage;
 
 pub use advice::{Advice, Figures};
@@ -105,13 +107,16 @@ pub struct Reach {
 }
 
 /// Share of draws from which on a target counts as identified.
-const IDENTIFIED_FROM: f64 = 0.9;
+pub const IDENTIFIED_FROM: f64 = 0.9;
 
 /// Share of draws up to which a pose counts as unambiguous.
-const AMBIGUOUS_FROM: f64 = 0.05;
+pub const AMBIGUOUS_FROM: f64 = 0.05;
 
 /// Up to here an attitude is of use, rad: five degrees.
 const USEFUL_ATTITUDE_RAD: f64 = 0.087_266_462_599_716_47;
+
+/// Most noises for each cell of a single row.
+const MOST_ROW_DRAWS: usize = 24;
 
 /// Ranges of the default grid.
 const RANGES: usize = 10;
@@ -154,6 +159,48 @@ pub fn assess(camera: &Camera, target: &Target, options: &AssessOptions) -> Asse
         aspects_rad,
         cells,
     }
+}
+
+/// What is to be expected at these ranges and one aspect: the cells of an assessment without its warnings and advice.
+#[must_use]
+pub fn cells_at(
+    camera: &Camera,
+    target: &Target,
+    ranges_m: &[f64],
+    aspect_rad: f64,
+    options: &AssessOptions,
+) -> Vec<Cell> {
+    let stage = Stage::of(camera, target);
+    let budget = budget::grid(target, advice::stays_flat(target, options), ranges_m.len(), 1);
+    let draws = Draw::first(budget.draws.min(MOST_ROW_DRAWS), target.markers().len());
+    let measured = |(index, range_m): (usize, &f64)| {
+        let is_told_apart = budget.is_told_apart(ranges_m.len() - 1 - index, 0);
+        let identified_draws = if is_told_apart { budget.identified_draws.min(draws.len()) } else { 0 };
+        cell::measure(&stage, *range_m, aspect_rad, &draws, identified_draws, options)
+    };
+    ranges_m.iter().enumerate().map(measured).collect()
+}
+
+/// A pose of the target in the middle of the picture, its front turned away by `aspect_rad`, and the least covariance that it can have
+/// (Cramer-Rao). `None` where too few markers are seen to fix it.
+#[must_use]
+pub fn pose_at(
+    camera: &Camera,
+    target: &Target,
+    range_m: f64,
+    aspect_rad: f64,
+    options: &AssessOptions,
+) -> Option<(CameraFromTarget, PoseCovariance)> {
+    let stage = Stage::of(camera, target);
+    let pose = stage.pose(range_m, aspect_rad, &Draw::numbered(0, target.markers().len()));
+    let covariance = Sight::at(&stage, pose, options.identify.max_tilt_rad).covariance(options.pixel_sigma)?;
+    Some((pose, covariance))
+}
+
+/// From where a target just fits into the picture to where it is 8 px wide, m.
+#[must_use]
+pub fn range_limits_m(camera: &Camera, target: &Target) -> [f64; 2] {
+    Stage::of(camera, target).range_limits_m()
 }
 
 fn rising(mut values: Vec<f64>) -> Vec<f64> {

@@ -31,7 +31,7 @@
 //! *Workshops*, which use the flow: [`scene`] makes synthetic truth, from the simulated cases of the 2012 study to rendered
 //! flights; [`annotate`] draws what was found; [`assess`] tells what a constellation is good for before anybody glues its markers;
 //! [`calibrate`] makes a camera of pictures of a [`board`] and tells how far to trust it; [`plot`] draws charts; [`evaluate`] holds
-//! answers against truth, of cases of [`scene`] and of recorded frames.
+//! answers against truth, of cases of [`scene`] and of recorded frames; [`encounter`] tells how early another aircraft must be seen.
 //!
 //! *The wall*: [`shell`]. Only behind it are clocks, files, sockets, threads, logs and serialised shapes: settings,
 //! telemetry, the store, the service with its workers, HTTP, Zenoh (ROS 2 by it), MAVLink, videos and cameras, the command line.
@@ -83,6 +83,7 @@ pub mod board;
 pub mod calibrate;
 pub mod camera;
 pub mod detect;
+pub mod encounter;
 pub mod evaluate;
 pub mod frame;
 pub mod geometry;

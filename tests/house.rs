@@ -19,7 +19,7 @@ const WORDS: [&str; 7] = ["geometry", "camera", "target", "board", "frame", "ran
 const FLOW: [&str; 8] = ["detect", "solve", "refine", "pose", "identify", "track", "swarm", "pipeline"];
 const WORKSHOPS: [&str; 7] = ["scene", "annotate", "assess", "plot", "encounter", "calibrate", "evaluate"];
 /// Workshops that are built on others.
-const BUILT_ON: [(&str, &[&str]); 1] = [("evaluate", &["scene", "plot"])];
+const BUILT_ON: [(&str, &[&str]); 2] = [("evaluate", &["scene", "plot"]), ("encounter", &["assess", "plot"])];
 const SHELL: [&str; 1] = ["shell"];
 
 /// What only the shell may name.

@@ -85,9 +85,7 @@ impl<'a> Sight<'a> {
     /// The least standard deviations that an unbiased estimate can have (Cramer-Rao); `None` where the visible markers do not
     /// fix the pose.
     pub(super) fn bound(&self, pixel_sigma: f64) -> Option<Bound> {
-        let pairs = self.exact_correspondences(pixel_sigma);
-        let information = information(self.stage.camera, &pairs, &self.pose).ok()?;
-        let covariance = PoseCovariance::from_information(&information)?;
+        let covariance = self.covariance(pixel_sigma)?;
         // Of the centre of the markers, wherever the origin of their space lies.
         let arm = self.pose.rotation * self.stage.target.spread().centre;
         let mut to_centre = Matrix6::identity();
@@ -102,6 +100,13 @@ impl<'a> Sight<'a> {
             bearing_rad: (position.trace() - range_variance).max(0.0).sqrt() / centre.norm(),
             attitude_rad: covariance.fixed_view::<3, 3>(3, 3).trace().sqrt().min(UNKNOWN_ATTITUDE_RAD),
         })
+    }
+
+    /// The least covariance that the pose of the target can have; `None` where the visible markers do not fix it.
+    pub(super) fn covariance(&self, pixel_sigma: f64) -> Option<PoseCovariance> {
+        let pairs = self.exact_correspondences(pixel_sigma);
+        let information = information(self.stage.camera, &pairs, &self.pose).ok()?;
+        PoseCovariance::from_information(&information)
     }
 
     /// Largest and smallest distance between two visible markers; `None` for fewer than two.

@@ -4,6 +4,7 @@
 //! reader: what cannot be sent at once is dropped, as the next estimate is worth more.
 
 pub mod asyncapi;
+mod bodies;
 mod camera;
 pub mod keys;
 pub mod network;
@@ -100,6 +101,7 @@ struct Open {
     _queries: Vec<Queryable<()>>,
     _token: LivelinessToken,
     _ros: ros::Ros,
+    _bodies: bodies::Bodies,
 }
 
 impl Open {
@@ -120,7 +122,8 @@ impl Open {
         let token = house.session.liveliness().declare_token(house.keys.alive_node(&house.node)?).await;
         let token = token.map_err(failed)?;
         let ros = ros::Ros::open(house).await?;
-        Ok(Self { _frames: frames, _queries: queries, _token: token, _ros: ros })
+        let bodies = bodies::Bodies::open(house).await?;
+        Ok(Self { _frames: frames, _queries: queries, _token: token, _ros: ros, _bodies: bodies })
     }
 }
 

@@ -2,6 +2,7 @@
 
     swarm.py router ENDPOINT                         a router, until it is killed
     swarm.py fly ENDPOINT NODE CAMERA COUNT HZ FRAME  sends a JPEG COUNT times, tells as JSON what came back
+    swarm.py compared ENDPOINT NODE OTHER COUNT       what two nodes make of each other, one JSON object a line
     swarm.py ask ENDPOINT NODE CALL JSON             one query, its reply
 """
 
@@ -66,6 +67,18 @@ def fly(endpoint, node, camera, count, rate, path):
     print(json.dumps({"sent": count, "estimates": estimates, "status": statuses[-1] if statuses else None}))
 
 
+def compared(endpoint, node, other, count):
+    with zenoh.open(config("client", "connect", endpoint)) as session:
+        told = session.declare_subscriber(f"skypose/v1/default/{node}/body/{other}/agreement")
+        print("listening", flush=True)
+        for _ in range(count):
+            sample = told.recv()
+            agreement = json.loads(sample.payload.to_string())
+            fused = agreement["fused"]
+            line = {"verdict": agreement["verdict"], "encoding": str(sample.encoding), "fused": fused and fused["translation_m"]}
+            print(json.dumps(line), flush=True)
+
+
 def ask(endpoint, node, call, text):
     with zenoh.open(config("client", "connect", endpoint)) as session:
         time.sleep(0.5)
@@ -82,6 +95,9 @@ def main(command, *arguments):
     elif command == "fly":
         endpoint, node, camera, count, rate, path = arguments
         fly(endpoint, node, camera, int(count), float(rate), path)
+    elif command == "compared":
+        endpoint, node, other, count = arguments
+        compared(endpoint, node, other, int(count))
     elif command == "ask":
         ask(*arguments)
     else:

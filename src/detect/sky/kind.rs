@@ -10,7 +10,7 @@ const LEAST_HITS: u32 = 20;
 /// birds, of what is called an aircraft 99 % are none.
 const FLICKER: [f64; 2] = [1.3, 0.10];
 /// Of what is smaller than this, px, the area changes by noise, and tells nothing.
-const LEAST_AREA_PX: f64 = 100.0;
+pub const LEAST_AREA_PX: f64 = 100.0;
 
 /// The class of a track; none where it is seen too little to tell.
 #[must_use]
