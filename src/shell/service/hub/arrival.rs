@@ -34,7 +34,7 @@ impl Arrival {
 
     /// One whose bytes lie in memory that is shared with who has sent it.
     #[must_use]
-    pub const fn shared(self, is_shared: bool) -> Self {
+    pub fn shared(self, is_shared: bool) -> Self {
         Self { is_shared, ..self }
     }
 }
