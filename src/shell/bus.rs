@@ -11,6 +11,7 @@ pub mod network;
 mod payload;
 mod queries;
 pub mod ros;
+pub mod shared;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};

@@ -384,7 +384,7 @@ pub struct ZenohSettings {
     pub node: String,
     /// Queries being answered at a time; further ones are refused.
     pub max_queries: usize,
-    /// Shared memory with others on this machine, where an endpoint is given; a file says it itself.
+    /// Shared memory with others on this machine, where an endpoint is given and the process may lock it; a file says it itself.
     pub shared_memory: bool,
 }
 

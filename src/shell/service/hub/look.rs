@@ -64,7 +64,7 @@ impl Service {
 
     /// What a frame shows whose turn it is.
     async fn look(&self, camera: &Camera, arrival: Arrival) -> Result<Answered, Fault> {
-        let Arrival { frame, place } = arrival;
+        let Arrival { frame, place, .. } = arrival;
         let deadline = place.deadline(self.settings.streams.max_age())?;
         let terms = Terms::of(&self.settings);
         let stream = self.stream(camera.name()).await?;
