@@ -56,7 +56,7 @@ async fn heard(name: &str, change: impl FnOnce(&mut Settings)) -> Option<Value> 
     let client = join(&endpoint, Role::Connect, true).await.expect("connects");
     let flying = tokio::spawn(async move {
         let start = Instant::now();
-        while start.elapsed() < Duration::from_secs(60) {
+        while start.elapsed() < Duration::from_mins(1) {
             client
                 .put("skypose/v1/default/alpha/camera/front/frame", jpeg())
                 .encoding(Encoding::IMAGE_JPEG)

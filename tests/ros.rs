@@ -13,6 +13,7 @@ mod python;
 #[path = "http/station.rs"]
 mod station;
 
+use std::fmt::Write as _;
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
@@ -41,7 +42,7 @@ fn free_endpoint() -> String {
 /// A station that listens to a camera of ROS, with the stream `front`.
 async fn station(endpoint: &str, form: RosForm, type_hash: bool) -> Station {
     let station = Station::equipped_with(|settings| {
-        settings.zenoh.network = endpoint.to_owned();
+        endpoint.clone_into(&mut settings.zenoh.network);
         settings.zenoh.node = "alpha".into();
         settings.streams.max_age_ms = 20_000;
         settings.ros.form = form;
@@ -165,7 +166,7 @@ async fn a_robot_on_rmw_zenoh_sends_pictures_and_gets_poses() {
     }
     let publisher =
         one(&format!("/MP/%/%/skypose/%skypose%front%wing_six%pose/{}/{}/::,10:,:,:,,", POSE.dds_name, POSE.hash));
-    let gid: String = Attachment::gid_of(publisher).iter().map(|byte| format!("{byte:02x}")).collect();
+    let gid = hexadecimal(&Attachment::gid_of(publisher));
     for (sequence, pose) in (1..).zip(report["poses"].as_array().expect("poses")) {
         let note = &pose["attachment"];
         assert_eq!((&note["sequence"], &note["gid"]), (&json!(sequence), &json!(gid)));
@@ -287,4 +288,11 @@ async fn what_is_no_message_harms_nothing_and_what_shows_no_target_has_no_pose()
     assert!(pose.key_expr().as_str().starts_with("7/skypose/front/wing_six/pose/"));
     assert!(poses.try_recv().expect("open").is_none(), "one alone");
     drop(station);
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }
