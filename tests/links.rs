@@ -175,15 +175,3 @@ async fn over_a_link_that_loses_and_is_cut_every_frame_is_accounted_for() {
     assert!(away[0] < before[0], "the link was not given up: {before:?}, {away:?}");
     assert!(after[0] <= before[0] && after[1] <= before[1] + 1, "{before:?}, {after:?}");
 }
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn over_datagrams_that_are_lost_every_frame_is_accounted_for() {
-    let Some(python) = python::python("zenoh") else { return };
-    let Some(hosts) = Hosts::linked(DELAY, LOSS_PERCENT) else { return };
-    let endpoint = format!("udp/{SERVER}:7447");
-    let _service = Service::start(&hosts, &endpoint).await;
-    let report = Flight::start(&hosts, &python, &endpoint, 20 * FRAMES_HZ).report();
-    let sequences = assert_all_is_accounted_for(&report);
-    assert!(report["status"]["lost"].as_u64() > Some(0), "of frames in many datagrams some are lost");
-    assert!(!sequences.is_empty(), "and some are not");
-}
