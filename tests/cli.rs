@@ -645,6 +645,69 @@ fn an_assessment_of_nonsense_is_refused_in_one_line() {
     assess("three.json", "camera.json", &[]).assert_complains(2, &["/target/markers", "1 markers"]);
 }
 
+// ---- encounter ----
+
+#[test]
+fn an_encounter_is_read_by_people_and_by_programs_and_drawn() {
+    let desk = Desk::new();
+    let said = desk.run(&["encounter", "--scenario", "head-on", "--bank", "30"]);
+    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+    for words in ["50 kn", "51.4 m/s", "7.75 s", "no certified function"] {
+        assert!(said.out.contains(words), "{words:?} is not in {}", said.out);
+    }
+    let ask = [
+        "encounter",
+        "--scenario",
+        "crossing",
+        "--camera",
+        "camera.json",
+        "--target",
+        "target.json",
+        "--decision",
+        "1",
+    ];
+    let printed = desk.run(&[&ask[..], &["--json"]].concat());
+    let [reply] = printed.lines().try_into().expect("one line");
+    let number = |value: &Value| value.as_f64().expect("a number");
+    assert!((number(&reply["closing_speed_mps"]) - 36.4).abs() < 0.03, "{reply}");
+    assert!((number(&reply["time_to_detect_s"]) - number(&reply["time_to_avoid_s"]) - 1.0).abs() < 1e-9);
+    assert_eq!(reply["view"]["in_picture"], false, "45 degrees to the side");
+    let said = desk.run(&[&ask[..], &["--camera-azimuth", "45", "--json", "e.json", "--report", "e.html"]].concat());
+    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+    assert!(said.out.contains("Finding its markers cannot be done") && said.out.contains("FAA P-8740-51"), "{said:?}");
+    let written: Value = serde_json::from_slice(&fs::read(desk.path("e.json")).expect("is there")).expect("JSON");
+    assert_eq!(written["view"]["in_picture"], true);
+    let page = fs::read_to_string(desk.path("e.html")).expect("a page");
+    assert_eq!(page.matches("<svg").count(), 4, "bank, speed, pixels, coverage");
+    for words in ["no standard is claimed", "Encounter: crossing", "Field of regard", "What is assumed"] {
+        assert!(page.contains(words), "{words:?}");
+    }
+    assert!(!page.contains("NaN") && !page.contains("src=") && !page.contains("href="), "it needs nothing else");
+}
+
+#[test]
+fn an_encounter_of_nonsense_is_refused_in_one_line() {
+    let desk = Desk::new();
+    let cases = [
+        (&["--bank", "90"][..], "/bank_rad"),
+        (&["--bank", "NaN"], "/bank_rad"),
+        (&["--own-speed", "0"], "/own_speed_mps"),
+        (&["--intruder-speed", "-5"], "/intruder_speed_mps"),
+        (&["--miss", "0"], "/miss_distance_m"),
+        (&["--width", "inf"], "/target_width_m"),
+        (&["--decision", "-1"], "/delays/decision_s"),
+        (&["--camera", "none.json"], "none.json"),
+        (&["--report", "no/such/page.html"], "page.html"),
+    ];
+    for (options, words) in cases {
+        desk.run(&[&["encounter"], options].concat()).assert_complains(2, &[words]);
+    }
+    // No turn is an answer.
+    let said = desk.run(&["encounter", "--course", "0"]);
+    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+    assert!(said.out.contains("they do not come nearer"), "{said:?}");
+}
+
 // ---- demo ----
 
 #[test]

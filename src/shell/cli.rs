@@ -4,6 +4,7 @@ mod assess;
 mod calibrate;
 mod camera;
 mod demo;
+mod encounter;
 mod evaluate;
 mod frames;
 mod grab;
@@ -66,6 +67,9 @@ enum Command {
     Pose(points::Pose),
     /// Tell what a constellation of markers is good for before a camera, and which marker to move.
     Assess(assess::Assess),
+    /// Tell how early another aircraft must be seen so that a turn clears it, and whether a camera can do it.
+    #[command(after_help = encounter::EXAMPLES)]
+    Encounter(Box<encounter::Encounter>),
     /// Make a camera of pictures of a calibration board, with a report of how far to trust it.
     #[command(after_help = calibrate::EXAMPLES)]
     Calibrate(calibrate::Calibrate),
@@ -157,6 +161,7 @@ pub fn run() -> ExitCode {
         Command::Watch(command) => command.run(),
         Command::Pose(command) => command.run(),
         Command::Assess(command) => command.run(),
+        Command::Encounter(command) => command.run(),
         Command::Calibrate(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Camera(command) => command.run(),

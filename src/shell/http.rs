@@ -15,6 +15,7 @@ mod assessments;
 mod bodies;
 mod calibrations;
 mod detections;
+mod encounters;
 mod estimates;
 mod jobs;
 mod live;
@@ -64,6 +65,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(things::list_cameras))
         .routes(routes!(things::get_camera, things::put_camera, things::delete_camera))
         .routes(routes!(assessments::post))
+        .routes(routes!(encounters::post))
         .routes(routes!(calibrations::list))
         .routes(routes!(calibrations::get, calibrations::delete))
         .routes(routes!(calibrations::events))

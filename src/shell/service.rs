@@ -26,9 +26,9 @@ use super::store::jobs::Job;
 use super::store::{Kind as Thing, Store, Stored};
 use super::wire::swarm::FrameNote;
 use super::wire::{
-    AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EstimateReply, EvaluationRequest, FrameRequest,
-    NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply, PoseRequest, StreamWire, Streams,
-    Targets, from_json, from_value,
+    AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EncounterReply, EncounterRequest, EstimateReply,
+    EvaluationRequest, FrameRequest, NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply,
+    PoseRequest, StreamWire, Streams, Targets, from_json, from_value,
 };
 use calibration::CalibrationKind;
 use compute::{Seen, Terms};
@@ -235,6 +235,15 @@ impl Service {
     pub async fn assessment(&self, request: AssessmentRequest, deadline: Instant) -> Result<AssessmentReply, Fault> {
         let task = compute::AssessmentTask::checked(request, &self.lookup(), &Terms::of(&self.settings)).await?;
         self.workers.run(deadline, move || task.reply()).await
+    }
+
+    /// How early another aircraft must be seen, and whether a camera can do it.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or that the service is full.
+    pub async fn encounter(&self, request: EncounterRequest, deadline: Instant) -> Result<EncounterReply, Fault> {
+        let task = compute::EncounterTask::checked(request, &self.lookup(), &Terms::of(&self.settings)).await?;
+        self.workers.run(deadline, move || task.reply()).await?
     }
 
     /// Begins an evaluation.

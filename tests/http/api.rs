@@ -15,6 +15,7 @@ async fn the_document_and_its_page_are_served_without_the_internet() {
         "/v1/cameras/{name}",
         "/v1/targets",
         "/v1/targets/assessment",
+        "/v1/encounters",
         "/v1/calibrations",
         "/v1/calibrations/{id}/events",
         "/healthz",
@@ -38,7 +39,8 @@ async fn the_examples_are_what_the_service_replies() {
     let station = Station::start().await;
     for (name, text) in skypose::shell::http::docs::EXAMPLES {
         let example: Value = serde_json::from_str(text).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let reply = station.post("/v1/poses", &example["request"]).await;
+        let path = example["path"].as_str().expect("a path");
+        let reply = station.post(path, &example["request"]).await;
         assert_eq!(reply.status, 200, "{name}");
         assert_same(&reply.json, &example["reply"], name);
     }

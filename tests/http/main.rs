@@ -10,6 +10,7 @@
 mod api;
 mod assessments;
 mod calibrations;
+mod encounters;
 mod evaluations;
 mod faults;
 mod following;

@@ -29,6 +29,7 @@ use super::App;
         (name = "Poses", description = "Points to pose"),
         (name = "Cameras", description = "Stored cameras"),
         (name = "Calibrations", description = "Pictures of a board to a camera"),
+        (name = "Encounters", description = "Sense and avoid: how early another aircraft must be seen. An aid to evaluate with, no certified function"),
         (name = "Evaluations", description = "Cases with known truth to figures of solvers"),
         (name = "Targets", description = "Stored targets"),
         (name = "Streams", description = "Cameras that send frame after frame: what is looked for in them, and what is seen"),
@@ -49,18 +50,21 @@ pub(super) struct FrameForm {
 }
 
 /// Requests with their real replies, for the document; a test replays them. `api/examples` holds one file for each.
-pub const EXAMPLES: [(&str, &str); 4] = [
+pub const EXAMPLES: [(&str, &str); 6] = [
     ("pose-known", include_str!("../../../api/examples/pose-known.json")),
     ("pose-unknown", include_str!("../../../api/examples/pose-unknown.json")),
     ("pose-none", include_str!("../../../api/examples/pose-none.json")),
     ("pose-many", include_str!("../../../api/examples/pose-many.json")),
+    ("encounter-head-on", include_str!("../../../api/examples/encounter-head-on.json")),
+    ("encounter-crossing", include_str!("../../../api/examples/encounter-crossing.json")),
 ];
 
-/// Adds the examples to the pose operation.
+/// Adds the examples to the operations that they are of.
 pub(super) fn add_examples(document: &mut OpenApiDocument) {
-    let Some(post) = document.paths.paths.get_mut("/v1/poses").and_then(|item| item.post.as_mut()) else { return };
     for (name, text) in EXAMPLES {
         let Ok(example) = serde_json::from_str::<Value>(text) else { continue };
+        let Some(path) = example["path"].as_str() else { continue };
+        let Some(post) = document.paths.paths.get_mut(path).and_then(|item| item.post.as_mut()) else { continue };
         let part = |key: &str| {
             ExampleBuilder::new()
                 .summary(example["summary"].as_str().unwrap_or(name))

@@ -1,10 +1,12 @@
 //! Requests to replies: checked first, then computed on one thread.
 
 mod assessment;
+pub(in crate::shell) mod encounter;
 mod frame;
 mod points;
 
 pub use assessment::AssessmentTask;
+pub use encounter::EncounterTask;
 pub use frame::{FrameTask, Seen};
 pub use points::{BatchItem, PoseTask, batch};
 
