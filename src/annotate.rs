@@ -6,6 +6,7 @@
 
 mod axes;
 mod canvas;
+mod caption;
 mod clip;
 mod headline;
 mod label;
@@ -21,6 +22,8 @@ use crate::detect::Detection;
 use crate::frame::Frame;
 use crate::pipeline::TargetEstimate;
 use crate::target::Target;
+
+pub use caption::caption;
 
 use canvas::Canvas;
 use label::Labels;

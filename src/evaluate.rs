@@ -1,4 +1,5 @@
-//! Cases with known truth to figures that can be printed: of recorded frames ([`recorded`]), and of solvers, side by side.
+//! Cases with known truth to figures that can be printed: of recorded frames ([`recorded`]), of encounters that are flown
+//! ([`encounters`]), and of solvers, side by side.
 //!
 //! A [`Study`] is a rule for drawing cases; [`Shard::run`] puts every method of it to a contiguous part of the runs, and adds up
 //! what came of them in a [`Tally`]. Tallies are merged in the order of their shards, and how a study is cut into shards is a
@@ -7,6 +8,7 @@
 
 pub mod compare;
 pub mod draw;
+pub mod encounters;
 pub mod figures;
 pub mod judge;
 pub mod method;

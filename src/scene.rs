@@ -3,6 +3,7 @@
 pub mod boards;
 pub mod cases;
 pub mod encode;
+pub mod encounters;
 pub mod flight;
 pub mod models;
 pub mod protocols;

@@ -138,6 +138,67 @@ fn a_study_of_a_file_is_swept() {
 }
 
 #[test]
+fn encounters_have_the_same_figures_on_any_number_of_threads_a_report_and_a_table() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [report, cases, file] = ["report.html", "cases.csv", "asked.json"].map(|name| place(&folder, name));
+    let on = |threads| {
+        figures(&[
+            "encounters",
+            "--runs",
+            "60",
+            "--seed",
+            "5",
+            "--threads",
+            threads,
+            "--report",
+            &report,
+            "--cases",
+            &cases,
+        ])
+    };
+    let first = on("1");
+    assert_eq!(first, on("3"));
+    assert_ne!(first["courses"], figures(&["encounters", "--runs", "60", "--seed", "6"])["courses"]);
+    assert_eq!((first["encounters"].as_u64(), text(Path::new(&cases)).lines().count()), (Some(60), 61));
+    assert!(text(Path::new(&report)).contains("Risk ratio"));
+    // What was asked, asked again from a file.
+    fs::write(&file, first["request"].to_string()).expect("writes");
+    assert_eq!(figures(&[&file]), first);
+    let said = evaluate(&[&file]);
+    assert!(said.code == Some(0) && said.out.contains("risk ratio"), "{said:?}");
+}
+
+#[test]
+fn an_encounter_is_shown_frame_by_frame() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = place(&folder, "asked.json");
+    let asked = json!({"kind": "encounters", "rate_hz": 4, "traffic": {"course_rad": [3.0, 3.3], "miss_m": [0, 2]}});
+    fs::write(&file, asked.to_string()).expect("writes");
+    let pictures = place(&folder, "pictures");
+    let said = evaluate(&[&file, "--video", &pictures, "--encounter", "2"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let count = fs::read_dir(&pictures).expect("a folder").count();
+    assert!((8..60).contains(&count), "{count}");
+    let video = place(&folder, "encounter.mp4");
+    let said = evaluate(&[&file, "--video", &video, "--encounter", "2"]);
+    if Command::new("ffmpeg").arg("-version").output().is_ok() {
+        assert!(said.code == Some(0) && fs::metadata(&video).expect("is there").len() > 10_000, "{said:?}");
+        let grabbed = place(&folder, "grabbed");
+        let grab = Command::new(env!("CARGO_BIN_EXE_skypose")).args(["grab", &video, "--out", &grabbed]).output();
+        assert!(grab.expect("starts").status.success());
+        let frames = text(&Path::new(&grabbed).join("frames.jsonl"));
+        assert_eq!(frames.lines().count(), count, "the same frames");
+    } else {
+        said.assert_complains(1, &["ffmpeg", "not installed"]);
+    }
+    let mut without = Command::new(env!("CARGO_BIN_EXE_skypose"));
+    let output = without.args(["evaluate", &file, "--video", &video]).env("PATH", folder.path()).output();
+    Said::of(output.expect("starts")).assert_complains(1, &["encounter.mp4", "ffmpeg", "not installed"]);
+    evaluate(&[&file, "--video", "/nowhere/encounter.mp4"]).assert_complains(2, &["/nowhere/encounter.mp4"]);
+    evaluate(&[&file, "--video", &place(&folder, "a.pdf")]).assert_complains(2, &["a.pdf", ".mp4"]);
+}
+
+#[test]
 fn what_is_wrong_is_said_in_a_line() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = place(&folder, "study.json");
@@ -147,5 +208,10 @@ fn what_is_wrong_is_said_in_a_line() {
     evaluate(&["thesis-2012", "--runs", "0"]).assert_complains(2, &["runs"]);
     evaluate(&["thesis-2012", "--sweep", "range_m=1,2"]).assert_complains(2, &["range_m", "in the picture"]);
     evaluate(&[&file]).assert_complains(2, &["study.json", "pixel_sigma_px"]);
+    evaluate(&["thesis-2012", "--sensing", "frames"]).assert_complains(2, &["--sensing", "encounters"]);
+    evaluate(&["encounters", "--solvers", "epnp"]).assert_complains(2, &["--solvers", "studies"]);
+    evaluate(&["encounters", "--runs", "0"]).assert_complains(2, &["runs"]);
+    fs::write(&file, json!({"kind": "encounters", "rate_hz": -1}).to_string()).expect("writes");
+    evaluate(&[&file]).assert_complains(2, &["rate_hz"]);
     evaluate(&["thesis-2012", "--json", "/nowhere/figures.json"]).assert_complains(2, &["/nowhere/figures.json"]);
 }

@@ -18,8 +18,9 @@ use std::path::{Path, PathBuf};
 const WORDS: [&str; 7] = ["geometry", "camera", "target", "board", "frame", "random", "statistics"];
 const FLOW: [&str; 8] = ["detect", "solve", "refine", "pose", "identify", "track", "swarm", "pipeline"];
 const WORKSHOPS: [&str; 7] = ["scene", "annotate", "assess", "plot", "encounter", "calibrate", "evaluate"];
-/// Workshops that are built on others.
-const BUILT_ON: [(&str, &[&str]); 2] = [("evaluate", &["scene", "plot"]), ("encounter", &["assess", "plot"])];
+/// Workshops that are built on others: truth to judge by, charts, and the last moment for a turn, against which alarms are held.
+const BUILT_ON: [(&str, &[&str]); 2] =
+    [("evaluate", &["scene", "plot", "encounter"]), ("encounter", &["assess", "plot"])];
 const SHELL: [&str; 1] = ["shell"];
 
 /// What only the shell may name.

@@ -83,6 +83,12 @@ pub(super) struct Canvas {
     image: RgbImage,
 }
 
+impl From<RgbImage> for Canvas {
+    fn from(image: RgbImage) -> Self {
+        Self { image }
+    }
+}
+
 impl Canvas {
     /// A copy of the frame.
     pub fn of(frame: &Frame) -> Self {

@@ -6,6 +6,7 @@ mod camera;
 mod demo;
 mod encounter;
 mod evaluate;
+mod film;
 mod frames;
 mod grab;
 mod inputs;

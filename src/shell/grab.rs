@@ -11,6 +11,7 @@
 mod child;
 mod command;
 mod error;
+pub mod film;
 mod interrupt;
 mod log;
 mod reader;

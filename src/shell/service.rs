@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod compute;
+pub mod encounters;
 pub mod evaluation;
 pub mod hub;
 pub mod jobs;
@@ -26,8 +27,8 @@ use super::store::jobs::Job;
 use super::store::{Kind as Thing, Store, Stored};
 use super::wire::swarm::FrameNote;
 use super::wire::{
-    AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EncounterReply, EncounterRequest, EstimateReply,
-    EvaluationRequest, FrameRequest, NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply,
+    AskedEvaluation, AssessmentReply, AssessmentRequest, Cameras, DetectionReply, EncounterReply, EncounterRequest,
+    EstimateReply, FrameRequest, NamedCamera, NamedStream, OneOrManyReplies, PoseBatch, PoseReplies, PoseReply,
     PoseRequest, StreamWire, Streams, Targets, from_json, from_value,
 };
 use calibration::CalibrationKind;
@@ -252,13 +253,24 @@ impl Service {
     /// What is wrong with the request, or that the service is full.
     pub async fn evaluation(
         &self,
-        request: EvaluationRequest,
+        request: AskedEvaluation,
         key: Option<String>,
         deadline: Instant,
     ) -> Result<Job, Fault> {
-        let request = evaluation::resolved(request, &self.lookup()).await?;
+        let request = match request {
+            AskedEvaluation::Study(request) => {
+                AskedEvaluation::Study(Box::new(evaluation::resolved(*request, &self.lookup()).await?))
+            }
+            AskedEvaluation::Encounters(request) => {
+                AskedEvaluation::Encounters(Box::new(encounters::resolved(*request, &self.lookup()).await?))
+            }
+        };
         let asked = request.clone();
-        self.workers.run(deadline, move || evaluation::checked(&asked).map(|_| ())).await??;
+        let check = move || match asked {
+            AskedEvaluation::Study(request) => evaluation::checked(&request).map(|_| ()),
+            AskedEvaluation::Encounters(request) => encounters::checked(&request).map(|_| ()),
+        };
+        self.workers.run(deadline, check).await??;
         let intake = self.jobs.intake().await?;
         self.jobs.make(EVALUATION, json!(request), intake, key).await
     }

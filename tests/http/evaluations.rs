@@ -124,6 +124,77 @@ async fn what_is_wrong_is_named_and_no_job_made() {
 }
 
 #[tokio::test]
+async fn encounters_are_flown_with_stored_things_and_a_report() {
+    let station = Station::equipped().await;
+    let asked = json!({
+        "kind": "encounters", "runs": 40, "seed": 3, "camera": "demo",
+        "traffic": {"course_rad": [2.9, 3.4], "miss_m": [0, 4]}, "manoeuvre": {"miss_distance_m": 5}
+    });
+    let accepted = post(&station, &asked).await;
+    assert_eq!(accepted.json["request"]["camera"]["width"], 1280, "what is stored now decides: {accepted:?}");
+    let place = place_of(&accepted);
+    let job = ended(&station, &place).await;
+    assert_eq!((&job["status"], &job["shards"]), (&json!("succeeded"), &json!(2)), "{job}");
+    let result = &job["result"];
+    assert_eq!((&result["encounters"], &result["conflicts"]), (&json!(40), &json!(40)), "{result}");
+    assert_eq!(
+        result["request"]["manoeuvre"]["bank_rad"],
+        std::f64::consts::FRAC_PI_4,
+        "what was not said stands there"
+    );
+    let counts = result["verdicts"].as_object().expect("counts").values().filter_map(Value::as_u64).sum::<u64>();
+    assert_eq!(counts, 40);
+    for figure in ["detection_range_m", "track_range_m", "alert_time_s", "needed_time_s"] {
+        assert!(result[figure]["median"].as_f64() > Some(0.0), "{figure}: {result}");
+    }
+    let ratio = result["risk_ratio"]["ratio"].as_f64().expect("near misses");
+    let [low, high] = [0, 1].map(|end| result["risk_ratio"]["interval"][end].as_f64().expect("an end"));
+    assert!(low <= ratio && ratio <= high && ratio < 1.0, "{result}");
+    let page = station.http.get(format!("{}{place}/report", station.base)).send().await.expect("an answer");
+    let page = page.text().await.expect("a page");
+    assert!(page.contains("Risk ratio") && page.matches("<svg").count() == 4);
+    let cases = station.http.get(format!("{}{place}/cases", station.base)).send().await.expect("an answer");
+    assert_eq!(cases.text().await.expect("a table").lines().count(), 41);
+    let objects = station.get(&format!("{place}/cases?format=json")).await.json;
+    assert!(objects[39]["needed_time_s"].is_f64() && objects[39]["verdict"].is_string(), "{objects}");
+    let events = station.http.get(format!("{}{place}/events", station.base)).send().await.expect("an answer");
+    assert!(events.text().await.expect("a text").contains("encounters 1 to 25"));
+    let again = ended(&station, &place_of(&post(&station, &asked).await)).await;
+    assert_eq!(again["result"], *result, "to the last digit");
+}
+
+#[tokio::test]
+async fn encounters_that_cannot_be_flown_are_named() {
+    let station = Station::start().await;
+    for (change, pointer) in [
+        (json!({"kind": "meetings"}), "/kind"),
+        (json!({"runs": 0}), "/runs"),
+        (json!({"traffic": {"own_speed_mps": [-1, 5]}}), "/traffic/own_speed_mps"),
+        (json!({"manoeuvre": {"bank_rad": 1.6}}), "/manoeuvre/bank_rad"),
+        (json!({"target": "none"}), "/target"),
+        (json!({"detector": {"method": "edge"}}), "/detector"),
+    ] {
+        let mut request = json!({"kind": "encounters"});
+        request.as_object_mut().expect("an object").extend(change.as_object().expect("an object").clone());
+        let reply = post(&station, &request).await;
+        assert!(reply.status == 422 || reply.status == 404, "{reply:?}");
+        assert_eq!(reply.json["pointer"], pointer, "{reply:?}");
+    }
+    assert_eq!(station.get(PLACE).await.json["evaluations"], json!([]));
+}
+
+#[tokio::test]
+async fn rendered_encounters_are_cancelled_between_frames() {
+    let station = Station::start().await;
+    let asked = json!({"kind": "encounters", "sensing": "frames", "runs": 5000});
+    let place = place_of(&post(&station, &asked).await);
+    let reply = read(station.request(Method::DELETE, &place)).await;
+    assert_eq!((reply.status, &reply.json["status"]), (StatusCode::ACCEPTED, &json!("cancelled")));
+    let next = place_of(&post(&station, &json!({"kind": "encounters", "runs": 5})).await);
+    assert_eq!(ended(&station, &next).await["status"], "succeeded", "its threads are free again");
+}
+
+#[tokio::test]
 async fn a_large_one_is_cancelled_at_once() {
     let station = Station::start().await;
     let place = place_of(&post(&station, &json!({"study": "thesis-2012", "runs": 100_000_000})).await);

@@ -134,11 +134,19 @@ async fn a_job_whose_process_is_killed_comes_to_the_result_of_one_left_alone() {
 
 #[tokio::test]
 async fn an_evaluation_whose_process_is_killed_comes_to_the_figures_of_one_left_alone() {
+    killed_twice(&json!({"study": "thesis-2012", "runs": 40_000, "solvers": ["epnp", "auto"]})).await;
+}
+
+#[tokio::test]
+async fn encounters_whose_process_is_killed_come_to_the_figures_of_those_left_alone() {
+    killed_twice(&json!({"kind": "encounters", "runs": 500})).await;
+}
+
+async fn killed_twice(study: &Value) {
     let _ = rustls::crypto::ring::default_provider().install_default();
     let data = tempfile::tempdir().expect("a folder");
     let mut program = Program::start(data.path());
-    let study = json!({"study": "thesis-2012", "runs": 40_000, "solvers": ["epnp", "auto"]});
-    let post = async |program: &Program| program.make("/v1/evaluations", |post| post.json(&study)).await;
+    let post = async |program: &Program| program.make("/v1/evaluations", |post| post.json(study)).await;
     let place = post(&program).await;
     let mut done = 0;
     for _ in 0..2 {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::film::{film, study_of};
 use super::inputs::{given, given_camera, unwritable};
 use super::{SettingsArgs, Stop, runtime};
 use crate::encounter::KNOT_MPS;
@@ -20,6 +21,7 @@ Examples:
   skypose encounter --scenario head-on
   skypose encounter --scenario crossing --bank 30 --roll-rate 60 --detection 0.2 --track 0.5 --decision 1
   skypose encounter --course 135 --intruder-speed 80 --camera camera.json --target target.json --report encounter.html
+  skypose encounter --width 4 --own-speed 20 --intruder-speed 20 --miss 6 --roll-rate 90 --video encounter.mp4
 
 Options are in degrees and knots, distances in metres. An aid to evaluate cameras and detectors with: no certified function.";
 
@@ -94,6 +96,9 @@ pub(super) struct Encounter {
     /// Standard deviation of a marker's centroid per axis, px [default: 0.3].
     #[arg(long, value_name = "S", allow_negative_numbers = true, requires = "target")]
     pixel_sigma: Option<f64>,
+    /// Write the frames of this encounter as the camera sees them, with what is found in them drawn in, to a video (.mp4, .mkv, ...) or a folder.
+    #[arg(long, value_name = "OUT")]
+    video: Option<PathBuf>,
     /// Print the reply of the API, or write it to FILE.
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-")]
     json: Option<PathBuf>,
@@ -133,6 +138,9 @@ impl Encounter {
         };
         let lookup = Lookup::new(store.as_ref(), std::sync::Arc::default());
         let task = runtime.block_on(EncounterTask::checked(self.request()?, &lookup, &terms))?;
+        if let Some(out) = &self.video {
+            return film(&study_of(task.question())?, 0, out);
+        }
         let answer = task.answer()?;
         let reply = task.wire(&answer);
         if let Some(path) = &self.report {

@@ -1,5 +1,6 @@
-//! `skypose evaluate`: solvers on simulated cases, or the whole pipeline on recorded frames.
+//! `skypose evaluate`: solvers on simulated cases, the whole pipeline on recorded frames, or on encounters that are flown.
 
+mod encounters;
 mod recorded;
 mod study;
 mod table;
@@ -12,6 +13,7 @@ use super::{SettingsArgs, Stop};
 use crate::detect::Detector;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::recorded::Files;
+use crate::shell::wire::encounters::SensingName;
 use crate::shell::wire::{DetectorWire, from_json};
 
 pub(super) const EXAMPLES: &str = "Examples:
@@ -20,20 +22,25 @@ pub(super) const EXAMPLES: &str = "Examples:
   skypose evaluate thesis-2012 --sweep pixel_sigma_px=0.1,0.3,1,3 --report noise.html
   skypose evaluate study.json --json figures.json --cases cases.csv
   skypose evaluate recordings --report report.html
+  skypose evaluate encounters --runs 2000 --report encounters.html
+  skypose evaluate encounters --sensing frames --runs 20 --cases encounters.csv
+  skypose evaluate encounters.json --json figures.json
+  skypose evaluate encounters --video encounter.mp4 --encounter 17
   skypose evaluate recordings.zip --detector '{\"method\": \"edge\", \"preset\": \"thesis\"}'
 
-A folder or archive holds frames or videos and truth.json, which says what they show (docs/recorded.md).";
+A folder or archive holds frames or videos and truth.json, which says what they show (docs/recorded.md).
+`encounters` flies random encounters of two aircraft and tells the risk ratio (docs/encounters.md).";
 
 #[derive(Args, Debug)]
 pub(super) struct Evaluate {
-    /// `thesis-2012`, or the JSON file of a study as POST /v1/evaluations takes it; or a folder or an archive (zip, tar) of frames or
+    /// `thesis-2012`, `encounters`, or the JSON file of a study or of encounters as POST /v1/evaluations takes it; or a folder or an archive (zip, tar) of frames or
     /// videos with truth.json, or that file itself.
     #[arg(value_name = "STUDY|FOLDER|ARCHIVE")]
     what: PathBuf,
-    /// Cases of a study, at each value of its sweep [default: 100].
+    /// Cases of a study, at each value of its sweep [default: 100]; encounters [default: 1000].
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
-    /// Names the cases of a study: the same seed has the same figures to the last digit [default: 2012].
+    /// Names the cases of a study, or the encounters: the same seed has the same figures to the last digit [default: 2012].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// What a study compares, with commas between: a solver alone (epnp), the service's answer with it (epnp+covariance, epnp+refine,
@@ -44,10 +51,19 @@ pub(super) struct Evaluate {
     /// `missing_ratio`, `quantisation_px`, `focal_error_ratio` or `center_error_px`.
     #[arg(long, value_name = "PARAMETER=V,V,...")]
     sweep: Option<String>,
-    /// Take this detector for all recorded frames, whatever their truth names: JSON as in the API, such as
+    /// Take this detector for all recorded frames, whatever their truth names, or for encounters: JSON as in the API, such as
     /// '{"method": "edge", "preset": "thesis"}'.
     #[arg(long, value_name = "JSON", value_parser = detector)]
     detector: Option<DetectorWire>,
+    /// Where encounters get their centroids: simulated as the detector was measured (centroids), or from rendered frames (frames).
+    #[arg(long, value_name = "HOW", value_parser = super::frames::named::<SensingName>)]
+    sensing: Option<SensingName>,
+    /// Write the frames of one encounter with what was found in them to a video (.mp4, .mkv, ...) or a folder, and evaluate nothing.
+    #[arg(long, value_name = "OUT")]
+    video: Option<PathBuf>,
+    /// Number of the encounter that --video shows, as in the table of --cases.
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "video")]
+    encounter: u64,
     /// Threads that compute [default: one for each core]. With 1 no frame waits for another, and latencies are those of a frame alone.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -57,7 +73,7 @@ pub(super) struct Evaluate {
     /// Write the report with pictures as a page that needs nothing else.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Write a table with a row for every case and solver, or every frame: CSV; that of a study also, where the name ends in .json or
+    /// Write a table with a row for every case and solver, every frame or every encounter: CSV; that of a study or of encounters also, where the name ends in .json or
     /// .jsonl, one JSON object a line.
     #[arg(long, value_name = "FILE.csv")]
     cases: Option<PathBuf>,
@@ -78,12 +94,20 @@ impl Evaluate {
             ("--solvers", self.solvers.is_some()),
             ("--sweep", self.sweep.is_some()),
         ];
-        let of_recordings = [("--detector", self.detector.is_some())];
-        if is_recorded(&self.what) {
+        let of_solvers = &of_studies[2..];
+        let of_frames = [("--detector", self.detector.is_some())];
+        let of_encounters = [("--sensing", self.sensing.is_some()), ("--video", self.video.is_some())];
+        let asked = if is_recorded(&self.what) { None } else { encounters::asked(&self.what)? };
+        if let Some(request) = asked {
+            refuse(of_solvers, "studies", &self.what)?;
+            encounters::run(&self, request)
+        } else if is_recorded(&self.what) {
             refuse(&of_studies, "studies", &self.what)?;
+            refuse(&of_encounters, "encounters", &self.what)?;
             recorded::run(&self)
         } else {
-            refuse(&of_recordings, "recorded frames", &self.what)?;
+            refuse(&of_frames, "recorded frames and encounters", &self.what)?;
+            refuse(&of_encounters, "encounters", &self.what)?;
             study::run(&self)
         }
     }

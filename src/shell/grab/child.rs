@@ -1,7 +1,7 @@
 //! The process, and that it ends.
 
 use std::io;
-use std::process::{Child, ChildStderr, ChildStdout, Command};
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -33,6 +33,11 @@ impl Running {
             (Some(out), Some(err)) => Ok((running, out, err)),
             _ => Err(GrabError::NotRun { detail: "it has no output".into() }),
         }
+    }
+
+    /// Its standard input, if that is a pipe; given once.
+    pub(super) fn take_input(&self) -> Option<ChildStdin> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).stdin.take()
     }
 
     /// Waits for its end, which is near; whether it was a success. Nothing holds the lock for long, so that a signal can

@@ -16,6 +16,19 @@ pub enum GrabError {
          Ubuntu), dnf install ffmpeg-free (Fedora), brew install ffmpeg (macOS), winget install ffmpeg (Windows)"
     )]
     NoProgram,
+    /// The same, when a video is to be written.
+    #[error(
+        "videos are written by the program ffmpeg, which is not installed: apt-get install ffmpeg (Debian, Ubuntu), dnf install \
+         ffmpeg-free (Fedora), brew install ffmpeg (macOS), winget install ffmpeg (Windows); a name without an ending is taken as that of a \
+         folder, for pictures"
+    )]
+    NoProgramToWrite,
+    /// A video that could not be written.
+    #[error("the video cannot be written: {words}")]
+    Unwritable {
+        /// ffmpeg's last words.
+        words: String,
+    },
     /// The system refuses to run it.
     #[error("ffmpeg cannot be run: {detail}")]
     NotRun {
@@ -71,7 +84,8 @@ pub enum GrabError {
 impl From<GrabError> for Fault {
     fn from(error: GrabError) -> Self {
         let kind = match &error {
-            GrabError::NoProgram | GrabError::NotRun { .. } => FaultKind::Internal,
+            GrabError::NoProgram | GrabError::NoProgramToWrite | GrabError::NotRun { .. } => FaultKind::Internal,
+            GrabError::Unwritable { .. } => FaultKind::Unreadable,
             GrabError::NoSource { .. } => FaultKind::NotFound,
             GrabError::Silent { .. } => FaultKind::DeadlineExceeded,
             GrabError::Unreadable { .. }

@@ -13,7 +13,7 @@ use super::App;
 #[derive(OpenApi)]
 #[openapi(
     // The result stands in its job as JSON of any kind; events are of several kinds.
-    components(schemas(crate::shell::wire::swarm::CameraStatus, crate::shell::wire::swarm::GapWire, crate::shell::wire::track::TracksWire, crate::shell::wire::calibration::CalibrationWire, crate::shell::wire::evaluation::EvaluationWire, crate::shell::wire::recorded::RecordedWire)),
+    components(schemas(crate::shell::wire::swarm::CameraStatus, crate::shell::wire::swarm::GapWire, crate::shell::wire::track::TracksWire, crate::shell::wire::calibration::CalibrationWire, crate::shell::wire::evaluation::EvaluationWire, crate::shell::wire::recorded::RecordedWire, crate::shell::wire::encounters::EncountersWire)),
     info(
         title = "Skypose",
         description = "Six-degree-of-freedom pose of a marked UAV from the frames of a calibrated camera.\n\nUnits stand in the \
@@ -30,7 +30,7 @@ use super::App;
         (name = "Cameras", description = "Stored cameras"),
         (name = "Calibrations", description = "Pictures of a board to a camera"),
         (name = "Encounters", description = "Sense and avoid: how early another aircraft must be seen. An aid to evaluate with, no certified function"),
-        (name = "Evaluations", description = "Cases with known truth to figures of solvers"),
+        (name = "Evaluations", description = "Cases with known truth to figures of solvers, of the whole pipeline, and of encounters"),
         (name = "Targets", description = "Stored targets"),
         (name = "Streams", description = "Cameras that send frame after frame: what is looked for in them, and what is seen"),
         (name = "Health", description = "State of the service"),

@@ -1,4 +1,4 @@
-//! `/v1/evaluations`: a study or recorded frames in, figures out, by and by.
+//! `/v1/evaluations`: a study, recorded frames or encounters in, figures out, by and by.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use axum::extract::{FromRequest, Query, Request, State};
 use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use super::App;
@@ -17,7 +17,7 @@ use super::jobs::{self, JobId};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::evaluation::{CASES_CSV, CASES_JSON, EVALUATION};
 use crate::shell::wire::recorded::{RecordedRequest, SidecarWire};
-use crate::shell::wire::{EvaluationRequest, JobEventWire, JobWire, Problem};
+use crate::shell::wire::{AskedEvaluation, JobEventWire, JobWire, Problem};
 
 /// The evaluations.
 #[derive(Debug, Serialize, ToSchema)]
@@ -50,12 +50,13 @@ const PARTS: FormParts = FormParts {
 /// Starts an evaluation.
 #[utoipa::path(
     post, path = "/v1/evaluations", tag = "Evaluations",
-    description = "JSON: puts solvers to many simulated cases with known truth; the result in the job is an `Evaluation`. A form: puts recorded \
+    description = "JSON: puts solvers to many simulated cases with known truth; the result in the job is an `Evaluation`. With `\"kind\": \"encounters\"`: flies random encounters of two aircraft through detector, \
+        identification, solver and tracker, and tells ranges, alarms and the risk ratio; the result is an `EncountersEvaluation`. A form: puts recorded \
         frames through the whole pipeline and holds what is found against their truth; the result is a `RecordedEvaluation`. The work is done \
         afterwards, on as many threads and processes as there are; figures are the same to the last digit whenever the same is asked, but for \
         times. Frames are removed when the evaluation has ended.",
     params(("Idempotency-Key" = Option<String>, Header, description = "The client's name for this request: sent again, it names the same job")),
-    request_body(content((EvaluationRequest = "application/json"), (RecordedForm = "multipart/form-data"))),
+    request_body(content((AskedEvaluation = "application/json"), (RecordedForm = "multipart/form-data"))),
     responses(
         (status = 202, description = "Taken on", body = JobWire, headers(("Location" = String, description = "Where the job is"))),
         (status = 409, description = "The `Idempotency-Key` belongs to another request", body = Problem, content_type = "application/problem+json"),
@@ -73,7 +74,8 @@ pub async fn post(State(app): State<App>, request: Request) -> Result<Response, 
         let asked: RecordedRequest = receive(request, &app, PARTS, &mut intake).await?;
         app.service.jobs().make(EVALUATION, json!({"recorded": asked}), intake, key).await?
     } else {
-        let Json(asked) = Json::<EvaluationRequest>::from_request(request, &app).await?;
+        let Json(asked) = Json::<Value>::from_request(request, &app).await?;
+        let asked = AskedEvaluation::read(asked)?;
         let deadline = Instant::now() + app.service.settings().http.deadline();
         app.service.evaluation(asked, key, deadline).await?
     };

@@ -1,5 +1,5 @@
 //! Evaluations: a study in, figures with a report out. As a job, one shard for each contiguous part of the runs. Jobs of recorded
-//! frames are of the same kind; they are computed in `recorded`.
+//! frames and of encounters are of the same kind; they are computed in `recorded` and `encounters`.
 
 pub mod cases;
 mod page;
@@ -12,8 +12,8 @@ use serde_json::{Value, json};
 
 use super::jobs::{Attachment, Cancel, Input, Kind, Outcome, REPORT, Shard};
 use super::lookup::Lookup;
-use super::recorded;
 use super::recorded::job::RecordedTerms;
+use super::{encounters, recorded};
 use crate::evaluate::numbers::Numbers;
 use crate::evaluate::{self, Figures, Study, plots};
 use crate::shell::fault::{Fault, FaultKind};
@@ -99,19 +99,19 @@ pub fn evaluated(request: EvaluationRequest, study: &Study, sums: &evaluate::Sha
     Ok(Evaluated { wire, page })
 }
 
-/// A part of a study as it is stored: its numbers to the last bit.
-fn packed(sums: &evaluate::Shard) -> Value {
+/// A part of the work as it is stored: its numbers to the last bit.
+pub(super) fn packed<T: Numbers>(sums: &T) -> Value {
     let mut numbers = Vec::new();
     sums.write(&mut numbers);
     let bytes: Vec<u8> = numbers.into_iter().flat_map(f64::to_le_bytes).collect();
     Value::String(STANDARD_NO_PAD.encode(bytes))
 }
 
-fn unpacked(stored: &Value) -> Option<evaluate::Shard> {
+pub(super) fn unpacked<T: Numbers>(stored: &Value) -> Option<T> {
     let bytes = STANDARD_NO_PAD.decode(stored.as_str()?).ok()?;
     let (numbers, rest) = bytes.as_chunks::<8>();
     let mut numbers = numbers.iter().map(|bytes| f64::from_le_bytes(*bytes));
-    let sums = evaluate::Shard::read(&mut numbers)?;
+    let sums = T::read(&mut numbers)?;
     (rest.is_empty() && numbers.next().is_none()).then_some(sums)
 }
 
@@ -124,6 +124,9 @@ impl Kind for EvaluationKind {
         if is_recorded(input) {
             return recorded::job::shard_count(input, &self.recorded);
         }
+        if encounters::is_of(input) {
+            return encounters::shard_count(input);
+        }
         let study = checked(&from_value(input.request.clone())?)?;
         u32::try_from(study.shards()).map_err(|error| Fault::new(FaultKind::TooLarge, error.to_string()))
     }
@@ -131,6 +134,9 @@ impl Kind for EvaluationKind {
     fn run_shard(&self, input: &Input, number: u32, cancel: &Cancel) -> Result<Shard, Fault> {
         if is_recorded(input) {
             return recorded::job::run_shard(input, number, &self.recorded, cancel);
+        }
+        if encounters::is_of(input) {
+            return encounters::run_shard(input, number, cancel);
         }
         let study = from_value::<EvaluationRequest>(input.request.clone())?.study()?;
         let clock = clock();
@@ -145,6 +151,9 @@ impl Kind for EvaluationKind {
     fn finish(&self, input: &Input, shards: Vec<Value>, _cancel: &Cancel) -> Result<Outcome, Fault> {
         if is_recorded(input) {
             return recorded::job::finished(shards);
+        }
+        if encounters::is_of(input) {
+            return encounters::finished(input, &shards);
         }
         let request: EvaluationRequest = from_value(input.request.clone())?;
         let study = request.study()?;
@@ -176,7 +185,7 @@ mod tests {
         let stored = packed(&sums);
         assert_eq!(unpacked(&stored), Some(sums));
         let text = stored.as_str().expect("a text");
-        assert_eq!(unpacked(&json!(text[..text.len() - 8])), None);
-        assert_eq!(unpacked(&json!([1.0])), None);
+        assert_eq!(unpacked::<evaluate::Shard>(&json!(text[..text.len() - 8])), None);
+        assert_eq!(unpacked::<evaluate::Shard>(&json!([1.0])), None);
     }
 }

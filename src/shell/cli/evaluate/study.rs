@@ -19,6 +19,7 @@ use crate::shell::service::evaluation::{checked, clock, evaluated, resolved};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::store::Store;
 use crate::shell::wire::EvaluationRequest;
+use crate::shell::wire::encounters::ENCOUNTERS;
 use crate::shell::wire::evaluation::{EvaluationWire, SweepWire, THESIS};
 
 /// Rows that are written at most: some gigabytes.
@@ -72,7 +73,10 @@ fn request_of(asked: &Evaluate) -> Result<EvaluationRequest, Fault> {
     } else if asked.what.exists() {
         json_of(&asked.what)?
     } else {
-        let detail = format!("{}: no such file, and no study of that name; there is {THESIS}", asked.what.display());
+        let detail = format!(
+            "{}: no such file, and no study of that name; there is {THESIS}, and {ENCOUNTERS}",
+            asked.what.display()
+        );
         return Err(Fault::new(FaultKind::NotFound, detail));
     };
     if let Some(runs) = asked.runs {
