@@ -34,8 +34,8 @@ fn answer(question: &Question) -> Answer {
     question.answer().expect("good numbers")
 }
 
-fn eye(camera: Camera, azimuth_deg: f64) -> Eye {
-    Eye::checked(camera, azimuth_deg.to_radians(), 0.0).expect("good angles")
+fn eye(camera: &Camera, azimuth_deg: f64) -> Eye {
+    Eye::checked(camera.clone(), azimuth_deg.to_radians(), 0.0).expect("good angles")
 }
 
 fn pinhole(fx: f64) -> Camera {
@@ -97,7 +97,7 @@ fn too_late_and_hopeless_are_answers() {
     assert!(matches!(at(150.0).needed, Err(NoTurn::InsideMissDistance { .. })));
     let beside = Course::checked(20.0, 20.0, 0.0).expect("good numbers");
     let situation = Situation::Meeting { course: beside, range_m: None };
-    let parallel = answer(&Question { situation, eye: Some(eye(pinhole(600.0), 0.0)), ..question(Scenario::HeadOn) });
+    let parallel = answer(&Question { situation, eye: Some(eye(&pinhole(600.0), 0.0)), ..question(Scenario::HeadOn) });
     assert!(matches!(parallel.needed, Err(NoTurn::NeverClosing { .. } | NoTurn::InsideMissDistance { .. })));
     assert!(parallel.view.expect("a camera").sighting.area_px.is_finite());
 }
@@ -120,7 +120,7 @@ fn a_measured_state_is_answered_like_the_course_that_it_is() {
 #[test]
 fn pixels_are_those_of_the_camera_where_the_intruder_is() {
     let with = |camera: Camera, azimuth_deg: f64, scenario: Scenario| {
-        answer(&Question { eye: Some(eye(camera, azimuth_deg)), ..question(scenario) }).view.expect("a camera")
+        answer(&Question { eye: Some(eye(&camera, azimuth_deg)), ..question(scenario) }).view.expect("a camera")
     };
     let ahead = with(pinhole(600.0), 0.0, Scenario::HeadOn);
     let expected_px = 600.0 * 1.4 / ahead.distance_m;
@@ -151,7 +151,7 @@ fn what_pixels_allow_is_told_for_each_task() {
         };
         let question = Question {
             situation,
-            eye: Some(eye(demo_camera(), 0.0)),
+            eye: Some(eye(&demo_camera(), 0.0)),
             marked: Some(marked.clone()),
             ..question(Scenario::HeadOn)
         };
@@ -182,7 +182,7 @@ fn what_pixels_allow_is_told_for_each_task() {
 #[test]
 fn the_field_of_regard_of_a_pinhole_is_that_of_its_pyramid() {
     // 90 by 73.74 degrees: half of them 45 degrees, and the arctangent of three quarters.
-    let regard = Regard::of(&eye(pinhole(320.0), 0.0));
+    let regard = Regard::of(&eye(&pinhole(320.0), 0.0));
     let half = [(320.0_f64 / 320.0).atan(), (240.0_f64 / 320.0).atan()];
     for (ends, half) in [regard.azimuth_rad, regard.elevation_rad].into_iter().zip(half) {
         let [low, high] = ends.expect("it sees its own axis");
@@ -204,15 +204,15 @@ fn a_distorted_lens_covers_what_it_sees_and_a_turned_camera_covers_elsewhere() {
     let barrel = Distortion::PlumbBob([-0.25, 0.06, 0.0, 0.0, 0.0]);
     let lens =
         |distortion: Distortion| Camera::checked([640, 480], [320.0; 2], [319.5, 239.5], distortion).expect("a camera");
-    let [straight, bent] = [Distortion::None, barrel].map(|distortion| Regard::of(&eye(lens(distortion), 0.0)));
+    let [straight, bent] = [Distortion::None, barrel].map(|distortion| Regard::of(&eye(&lens(distortion), 0.0)));
     assert!(bent.solid_angle_sr > 1.1 * straight.solid_angle_sr, "a barrel sees more: {bent:?}");
     let [_, end] = bent.azimuth_rad.expect("it sees its own axis");
     let seen = lens(barrel).unproject(&[639.5, 239.5].into()).expect("on the sensor");
     assert!((end - seen.x.atan()).abs() < 1e-6, "{end} {seen}");
     // Looking back, nothing of what is ahead is seen; turned to the right, nothing on the left.
-    let back = Regard::of(&eye(pinhole(320.0), 180.0));
+    let back = Regard::of(&eye(&pinhole(320.0), 180.0));
     assert!(back.covered.iter().all(|covered| covered.ratio < 1e-9 || covered.guidance.azimuth_rad > 2.0), "{back:?}");
-    let right = Regard::of(&eye(pinhole(320.0), 90.0));
+    let right = Regard::of(&eye(&pinhole(320.0), 90.0));
     let [low, high] = right.azimuth_rad.expect("it sees its own axis");
     assert!((low - 0.25 * PI).abs() < 1e-6 && (high - 0.75 * PI).abs() < 1e-6, "{low} {high}");
     let up = Eye::checked(pinhole(320.0), 0.0, 1.0).expect("good angles");
@@ -228,7 +228,7 @@ fn pictures_are_drawn_of_what_there_is() {
     let bare = question(Scenario::HeadOn);
     assert_eq!(names(&bare), ["bank", "speed"]);
     let delays = Delays::checked(0.2, 0.5, 0.1, 1.2).expect("times");
-    let full = Question { eye: Some(eye(demo_camera(), 0.0)), delays, ..question(Scenario::Crossing) };
+    let full = Question { eye: Some(eye(&demo_camera(), 0.0)), delays, ..question(Scenario::Crossing) };
     assert_eq!(names(&full), ["bank", "speed", "pixels", "coverage"]);
     for picture in pictures(&full, &answer(&full)) {
         let svg = picture.figure.svg();
