@@ -35,7 +35,7 @@ fn answer(question: &Question) -> Answer {
 }
 
 fn eye(camera: &Camera, azimuth_deg: f64) -> Eye {
-    Eye::checked(camera.clone(), azimuth_deg.to_radians(), 0.0).expect("good angles")
+    Eye::checked(*camera, azimuth_deg.to_radians(), 0.0).expect("good angles")
 }
 
 fn pinhole(fx: f64) -> Camera {
