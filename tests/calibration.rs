@@ -10,12 +10,15 @@
 
 #[path = "program/said.rs"]
 mod said;
+#[path = "known/spoiled.rs"]
+mod spoiled;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
 use skypose::board::Board;
+use skypose::camera::{Camera, Distortion};
 use skypose::random::named;
 use skypose::scene::boards::{STUDY_LENSES, pose_in_view, study_camera};
 use skypose::scene::encode::jpeg;
@@ -90,6 +93,31 @@ fn a_folder_of_pictures_becomes_a_camera_and_a_page() {
         assert_eq!(json(&camera), result["camera"]);
         assert!(std::fs::read_to_string(&page).expect("a page").contains("Camera calibration"));
     }
+}
+
+#[test]
+fn every_picture_that_is_left_out_is_named_and_the_others_are_used() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let pictures = spoiled::pictures();
+    for (name, bytes, _) in &pictures {
+        std::fs::write(folder.path().join(name), bytes).expect("written");
+    }
+    // A good picture that another zoom took: it is found in, and does not fit.
+    let zoomed = Camera::checked([640, 480], [900.0; 2], [320.0, 240.0], Distortion::None).expect("a camera");
+    let board: Board = spoiled::BOARD.parse().expect("a board");
+    let mut rng = named("another zoom");
+    let pose = pose_in_view(&zoomed, &board, &mut rng);
+    let frame = render_sheet(&Rays::of(&zoomed), &pose, &Sheet::of(&board), &Optics::default(), &mut rng);
+    std::fs::write(folder.path().join("zoomed.jpg"), jpeg(&frame, 92).expect("encodes")).expect("written");
+    let said = said(&["calibrate", text(folder.path()), "--pattern", spoiled::BOARD, "--fix", "k3"]);
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    assert!(said.out.contains("7 of 14 pictures"), "{}", said.out);
+    let spoiled = pictures.iter().map(|(name, _, reason)| (*name, *reason)).filter(|(_, reason)| !reason.is_empty());
+    for (name, reason) in spoiled.chain([("zoomed.jpg", "it does not fit the others")]) {
+        let line = said.err.lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("{name}: {}", said.err));
+        assert!(line.contains(reason), "{name}: {line}");
+    }
+    assert!(!said.err.contains("good"), "{}", said.err);
 }
 
 #[test]

@@ -157,7 +157,7 @@ async fn over_a_link_that_loses_and_is_cut_every_frame_is_accounted_for() {
     hosts.lose(100);
     pause(1500).await;
     hosts.lose(LOSS_PERCENT);
-    pause(5000).await;
+    pause(7000).await;
     // Longer: the link is given up by both, and made anew.
     hosts.lose(100);
     pause(8000).await;
@@ -169,21 +169,9 @@ async fn over_a_link_that_loses_and_is_cut_every_frame_is_accounted_for() {
     let sequences = assert_all_is_accounted_for(&report);
     println!("open files and threads: {before:?}, away {away:?}, after {after:?}; {sequences:?}");
     assert!(report["status"]["lost"].as_u64() > Some(0), "the link was away");
-    for (part, range) in [("before", 0..25), ("between the cuts", 35..57), ("after", 110..175)] {
+    for (part, range) in [("before", 0..25), ("between the cuts", 35..67), ("after", 110..175)] {
         assert!(sequences.iter().any(|sequence| range.contains(sequence)), "nothing {part}: {sequences:?}");
     }
     assert!(away[0] < before[0], "the link was not given up: {before:?}, {away:?}");
     assert!(after[0] <= before[0] && after[1] <= before[1] + 1, "{before:?}, {after:?}");
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn over_datagrams_that_are_lost_every_frame_is_accounted_for() {
-    let Some(python) = python::python("zenoh") else { return };
-    let Some(hosts) = Hosts::linked(DELAY, LOSS_PERCENT) else { return };
-    let endpoint = format!("udp/{SERVER}:7447");
-    let _service = Service::start(&hosts, &endpoint).await;
-    let report = Flight::start(&hosts, &python, &endpoint, 20 * FRAMES_HZ).report();
-    let sequences = assert_all_is_accounted_for(&report);
-    assert!(report["status"]["lost"].as_u64() > Some(0), "of frames in many datagrams some are lost");
-    assert!(!sequences.is_empty(), "and some are not");
 }

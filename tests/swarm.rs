@@ -19,6 +19,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 use python::Peer;
 use serde_json::{Value, json};
+use skypose::encounter::{Manoeuvre, RelativeState, time_left};
 use skypose::geometry::space::{Body, Peer as Other, Target};
 use skypose::geometry::{EulerAngles, PoseCovariance, Transform, mount, rotation};
 use skypose::random;
@@ -116,7 +117,11 @@ impl Pair {
         let network = file.display().to_string();
         let beta = Station::equipped_with(|settings| mounted(settings, "beta", "alpha", network)).await;
         for station in [&alpha, &beta] {
-            let stream = json!({"camera": "demo", "targets": ["wing-six"]});
+            let stream = json!({
+                "camera": "demo", "targets": ["wing-six"],
+                "track": {"acceleration_mps2_per_rthz": 0.2, "angular_acceleration_radps2_per_rthz": 0.1},
+                "encounter": {"own_speed_mps": 2, "miss_distance_m": 2, "decision_s": 0.25, "link_s": 0.25},
+            });
             assert_eq!(station.put("/v1/streams/front", &stream).await.status, 201);
         }
         let client = join(&endpoint, Role::Connect, false).await.expect("connects");
@@ -191,6 +196,25 @@ fn assert_agreed(told: &Value, begun_us: i64) {
     assert_eq!((&told["views"][0]["node"], &told["views"][1]["node"]), (&json!("alpha"), &json!("beta")));
 }
 
+/// What is left to do about beta, against the truth: it flies straight on.
+fn assert_to_act(told: &Value, begun_us: i64) {
+    let track = &told["tracks"][0];
+    let body_from_camera = mount::body_from_camera(angles([0.0; 3]), CAMERA_AT_M);
+    let worn = Transform::<Other, Target>::new(angles(WORN_TURNED_RAD).to_rotation(), Vector3::from(WORN_AT_M));
+    let at = |after_us: i64| (alpha_from_beta(after_us) * worn).translation - body_from_camera.translation;
+    let after_us = told["timestamp_us"].as_i64().expect("a time") - begun_us;
+    let velocity = at(after_us + 1_000_000) - at(after_us);
+    let state = RelativeState::checked(at(after_us), velocity).expect("an encounter");
+    let turn = Manoeuvre::checked(std::f64::consts::FRAC_PI_4, 2.0).expect("a turn");
+    let truth = time_left(&state, &Matrix6::zeros(), 2.0, &turn).expect("a last moment").time_s.value - 0.5;
+    let [value, sigma] =
+        ["value", "sigma"].map(|part| track["to_act"]["time_left_s"][part].as_f64().unwrap_or(f64::NAN));
+    println!("time left {value:.3} +- {sigma:.3} s, in truth {truth:.3} s");
+    assert!((value - truth).abs() < 4.0 * sigma && sigma < 1.0, "{track}");
+    assert_eq!(track["to_act"]["verdict"], if value < 0.0 { "too_late" } else { "in_time" });
+    assert_eq!(track["to_act"]["delay_s"], 0.5);
+}
+
 /// All that waits.
 async fn heard(listener: &Listener) -> Vec<Value> {
     let mut heard = Vec::new();
@@ -206,6 +230,7 @@ async fn two_nodes_that_see_each_other_agree_and_who_lies_is_told() {
     let agreements = pair.listen("alpha/body/beta/agreement").await;
     let of_beta = pair.listen("beta/body/alpha/agreement").await;
     let relatives = pair.listen("beta/body/alpha/relative").await;
+    let tracks = pair.listen("alpha/camera/front/track").await;
     let python = python::python("zenoh");
     let mut client = python.map(|python| {
         let mut client = Peer::start(&python, "swarm.py", &["compared", &pair.endpoint, "alpha", "beta", "3"]);
@@ -235,6 +260,8 @@ async fn two_nodes_that_see_each_other_agree_and_who_lies_is_told() {
     assert_eq!((&body["node"], &body["target"]), (&json!("beta"), &json!("wing-six")));
     assert_eq!(Some(&body["agreement"]), told.last());
     assert_eq!(body["relative"]["cameras"], json!(["front"]));
+
+    assert_to_act(heard(&tracks).await.last().expect("told"), begun_us);
 
     let last = heard(&relatives).await.pop().expect("told");
     let told = lied(&pair, &agreements, last, begun_us).await;

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix6, SMatrix, Vector2, Vector6};
 
 use super::SeenPoint;
-use super::freedom::{ByParameter, Freedom, Parameters, camera_of};
+use super::freedom::{ByParameter, Freedom, Parameters, camera_of, parameters_of};
 use crate::board::Board;
 use crate::camera::parameters::MAX_PARAMETERS;
 use crate::camera::{Camera, Distortion};
@@ -220,6 +220,15 @@ impl Bundle<'_> {
         Some(self.normal(state)?.reduced(0.0)?.0)
     }
 
+    /// Whether these points leave the pose of their view open: then its equations have no answer, whatever the camera is.
+    pub fn leaves_pose_open(&self, camera: &Camera, pose: &CameraFromBoard, view: &[SeenPoint]) -> bool {
+        let views = [view];
+        let alone = Bundle { views: &views, freedom: Freedom::none(), ..*self };
+        let state = State { camera: *camera, parameters: parameters_of(camera), poses: vec![*pose] };
+        let normal = alone.normal(&state);
+        !normal.is_some_and(|normal| normal.views.iter().all(|view| view.least_eigenvalue() > OPEN))
+    }
+
     /// The covariance of all parameters for residuals of one standard deviation; `None` where something is left open.
     pub fn covariance(&self, state: &State) -> Option<ByParameter> {
         covariance_of(&self.information(state)?, &self.freedom)
@@ -289,7 +298,17 @@ impl Normal {
     }
 }
 
+/// Least eigenvalue of the equations of a pose, their diagonal brought to one, at which it is known. Rounding leaves about 1e-15.
+const OPEN: f64 = 1e-9;
+
 impl ViewNormal {
+    /// The least eigenvalue of the pose's equations, their diagonal brought to one; not a number where the diagonal has a zero.
+    fn least_eigenvalue(&self) -> f64 {
+        let scale = self.by_pose.diagonal().map(|value| value.sqrt().recip());
+        let unit = Matrix6::from_fn(|r, c| self.by_pose[(r, c)] * scale[r] * scale[c]);
+        unit.symmetric_eigenvalues().min()
+    }
+
     fn damped_inverse(&self, damping: f64) -> Option<Matrix6<f64>> {
         let mut matrix = self.by_pose;
         for i in 0..6 {

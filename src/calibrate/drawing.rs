@@ -70,7 +70,7 @@ const LEFT_OUT: &str = "#c8102e";
 pub fn residual_field(size: [u32; 2], views: &[Vec<SeenPoint>], found: &Calibration) -> (String, f64) {
     let factor = nice(0.025 * f64::from(size[0]) / found.rms_px.max(1e-6));
     let mut sheet = Sheet::new(size, "residual of every point");
-    for (seen, fitted) in views.iter().zip(&found.views).filter(|(_, fitted)| fitted.counts) {
+    for (seen, fitted) in views.iter().zip(&found.views).filter(|(_, fitted)| fitted.counts()) {
         for ((seen, residual), counts) in seen.iter().zip(&fitted.residuals_px).zip(&fitted.inliers) {
             let Some(residual) = residual else { continue };
             // What is left out may point anywhere.
@@ -142,7 +142,7 @@ fn cells(size: [u32; 2], label: &str, of_cell: impl Fn(usize) -> (f64, String)) 
 pub fn view_errors(found: &Calibration) -> String {
     let count = found.views.len().max(1) as f64;
     let (width, height) = ((26.0 * count + 70.0).max(360.0), 240.0);
-    let most = found.views.iter().filter(|view| view.counts).map(|view| view.rms_px).fold(1e-9, f64::max);
+    let most = found.views.iter().filter(|view| view.counts()).map(|view| view.rms_px).fold(1e-9, f64::max);
     let top = 1.25 * most;
     let [left, base, reach] = [48.0, height - 26.0, height - 44.0];
     let mut text = format!(
@@ -163,7 +163,7 @@ pub fn view_errors(found: &Calibration) -> String {
     for (index, view) in found.views.iter().enumerate() {
         let x = left + 6.0 + step * index as f64;
         let tall = if view.camera_from_board.is_some() { reach * (view.rms_px / top).min(1.0) } else { 0.0 };
-        let colour = if view.counts { COUNTS } else { LEFT_OUT };
+        let colour = if view.counts() { COUNTS } else { LEFT_OUT };
         _ = write!(
             text,
             r##"<rect x="{x:.1}" y="{:.1}" width="{:.1}" height="{tall:.1}" fill="{colour}"/><text x="{:.1}" y="{:.1}" font-size="11" text-anchor="middle" fill="#49535e">{}</text>"##,

@@ -5,6 +5,7 @@
 //! left over where that is more, and the covariance of the parameters follows from it.
 
 mod kept;
+mod left_out;
 mod prior;
 mod robust;
 mod view;
@@ -20,6 +21,7 @@ use crate::camera::{Camera, CameraError, Distortion};
 use crate::geometry::CameraFromBoard;
 
 pub(super) use kept::less_certain;
+pub use left_out::LeftOut;
 pub(super) use prior::prior;
 pub(super) use view::rms_of_view_alone;
 
@@ -69,12 +71,20 @@ pub struct FittedView {
     pub camera_from_board: Option<CameraFromBoard>,
     /// Root mean square distance of its points that count, px; of all its points where the view does not count.
     pub rms_px: f64,
-    /// Whether the camera rests on it.
-    pub counts: bool,
+    /// Why the camera does not rest on it; `None` where it does.
+    pub left_out: Option<LeftOut>,
     /// Seen minus predicted for each of its points, px; `None` where the camera does not see the point.
     pub residuals_px: Vec<Option<Vector2<f64>>>,
     /// Which of its points count.
     pub inliers: Vec<bool>,
+}
+
+impl FittedView {
+    /// Whether the camera rests on it.
+    #[must_use]
+    pub const fn counts(&self) -> bool {
+        self.left_out.is_none()
+    }
 }
 
 /// Why there is no camera.
@@ -136,7 +146,11 @@ pub fn calibrate(
     let prior = Parameters::zeros();
     let bundle = Bundle { size, board, views: &all, lens: options.lens, freedom, loss: Loss::Squares, prior };
     let robust = robust::robust_fit(&bundle, options)?;
-    kept::without_what_is_wrong(&bundle, robust)?.calibration(views, &useful)
+    let kept = kept::without_what_is_wrong(&bundle, robust)?;
+    if kept.view_count() < need {
+        return Err(CalibrateError::TooFewViews { found: kept.view_count(), need, min_points: MIN_POINTS });
+    }
+    kept.calibration(views, &useful)
 }
 
 pub(super) fn freedom_of(size: [u32; 2], options: &CalibrateOptions) -> Result<Freedom, CalibrateError> {

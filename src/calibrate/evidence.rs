@@ -34,7 +34,7 @@ impl<'a> Evidence<'a> {
             scale: found.scale,
         };
         for (place, (fitted, seen)) in found.views.iter().zip(views).enumerate() {
-            if let Some(pose) = fitted.camera_from_board.filter(|_| fitted.counts) {
+            if let Some(pose) = fitted.camera_from_board.filter(|_| fitted.counts()) {
                 let counted = seen.iter().zip(&fitted.inliers).filter(|(_, counts)| **counts);
                 let counted = counted.map(|(seen, _)| less_certain(seen, found.model_error_px));
                 evidence.places.push(place);

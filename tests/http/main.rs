@@ -21,5 +21,7 @@ mod live;
 mod poses;
 mod postgres;
 mod sequences;
+#[path = "../known/spoiled.rs"]
+mod spoiled;
 mod station;
 mod things;

@@ -115,10 +115,10 @@ impl Drop for Hosts {
     }
 }
 
-/// A command on a host. It takes the place of `ip`, so that the process is the program's.
+/// A command on a host, which has no memory in common with the other. It takes the place of `ip`, so that the process is the program's.
 fn on(host: &str, program: &str) -> Command {
     let mut command = Command::new("ip");
-    command.args(["netns", "exec", host, program]);
+    command.args(["netns", "exec", host, "sh", "-c", "mount -t tmpfs none /dev/shm && exec \"$0\" \"$@\"", program]);
     command
 }
 

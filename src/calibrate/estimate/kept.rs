@@ -4,7 +4,7 @@
 use super::prior::prior;
 use super::robust::{Fit, MEDIAN_DISTANCE};
 use super::view::{fitted, pose_alone};
-use super::{CalibrateError, Calibration, MIN_POINTS};
+use super::{CalibrateError, Calibration, LeftOut, MIN_POINTS};
 use crate::calibrate::SeenPoint;
 use crate::calibrate::bundle::{Bundle, Loss, State};
 use crate::calibrate::start::median;
@@ -22,6 +22,8 @@ pub(super) struct Kept<'a> {
     /// Position in the bundle's views of each that counts.
     places: Vec<usize>,
     views: Vec<Vec<SeenPoint>>,
+    /// Why the others do not, by their position in the bundle's views; those that never had a pose are not among them.
+    left_out: Vec<(usize, LeftOut)>,
     state: State,
     scale: f64,
     model_error_px: f64,
@@ -36,22 +38,37 @@ pub(super) fn without_what_is_wrong<'a>(bundle: &Bundle<'a>, fit: Fit) -> Result
     let Fit { mut places, mut state, mut scale, .. } = fit;
     let mut model_error_px = 0.0;
     let mut views: Vec<Vec<SeenPoint>> = Vec::new();
+    let mut left_out = Vec::new();
     for _ in 0..8 {
         let before: Vec<usize> = views.iter().map(Vec::len).collect();
         // A view that another camera took, or of another board, is wrong as a whole.
-        let good = places.iter().zip(&state.poses).filter_map(|(place, pose)| {
+        let mut good = Vec::with_capacity(places.len());
+        for (place, pose) in places.iter().zip(&state.poses) {
             let seen: Vec<SeenPoint> =
                 bundle.views[*place].iter().map(|seen| less_certain(seen, model_error_px)).collect();
             let distance = |seen: &SeenPoint| {
                 bundle.residual(&state.camera, pose, seen).map_or(f64::INFINITY, |r| r.norm() / seen.sigma_px)
             };
             let all: Vec<f64> = seen.iter().map(distance).collect();
-            let is_right = median(&mut all.clone()) / MEDIAN_DISTANCE <= VIEW_GATE * scale;
             let counts = seen.iter().zip(&all).filter(|(_, distance)| **distance <= GATE * scale);
             let inliers: Vec<SeenPoint> = counts.map(|(seen, _)| *seen).collect();
-            (is_right && inliers.len() >= MIN_POINTS).then_some((*place, *pose, inliers))
-        });
-        let good: Vec<_> = good.collect();
+            let (points, need) = (seen.len(), MIN_POINTS);
+            let reason = if median(&mut all.clone()) / MEDIAN_DISTANCE > VIEW_GATE * scale {
+                let distance_px = |seen| bundle.residual(&state.camera, pose, seen).map_or(f64::INFINITY, |r| r.norm());
+                let mut all_px: Vec<f64> = seen.iter().map(distance_px).collect();
+                Some(LeftOut::DoesNotFit { median_px: median(&mut all_px) })
+            } else if inliers.len() < need {
+                Some(LeftOut::FewFit { inliers: inliers.len(), points, need })
+            } else if bundle.leaves_pose_open(&state.camera, pose, &inliers) {
+                Some(LeftOut::PoseOpen { inliers: inliers.len() })
+            } else {
+                None
+            };
+            match reason {
+                Some(reason) => left_out.push((*place, reason)),
+                None => good.push((*place, *pose, inliers)),
+            }
+        }
         places = good.iter().map(|(place, ..)| *place).collect();
         state.poses = good.iter().map(|(_, pose, _)| *pose).collect();
         views = good.into_iter().map(|(.., inliers)| inliers).collect();
@@ -73,7 +90,8 @@ pub(super) fn without_what_is_wrong<'a>(bundle: &Bundle<'a>, fit: Fit) -> Result
             scale = 1.0;
         }
     }
-    Ok(Kept { bundle: Bundle { loss: Loss::Squares, ..*bundle }, places, views, state, scale, model_error_px })
+    let bundle = Bundle { loss: Loss::Squares, ..*bundle };
+    Ok(Kept { bundle, places, views, left_out, state, scale, model_error_px })
 }
 
 /// What must be added to every point's own deviation for the residuals to be of the size that they are to have, px; 0 where they are
@@ -111,6 +129,18 @@ fn degrees_of_freedom(bundle: &Bundle<'_>) -> Option<f64> {
 }
 
 impl Kept<'_> {
+    /// How many views count.
+    pub const fn view_count(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Why a view of so many points that has this position in the bundle's views, if it has one, does not count.
+    fn reason(&self, place: Option<usize>, points: usize) -> LeftOut {
+        let Some(place) = place else { return LeftOut::TooFewPoints { points, need: MIN_POINTS } };
+        let told = self.left_out.iter().find(|(left, _)| *left == place);
+        told.map_or(LeftOut::NoPose, |(_, reason)| *reason)
+    }
+
     /// The camera with the evidence; `all` are the views that were given, `useful` those of them that the bundle has.
     pub fn calibration(&self, all: &[Vec<SeenPoint>], useful: &[usize]) -> Result<Calibration, CalibrateError> {
         let slices: Vec<&[SeenPoint]> = self.views.iter().map(Vec::as_slice).collect();
@@ -148,7 +178,8 @@ impl Kept<'_> {
                 None => pose_alone(&self.bundle, &camera, seen),
             };
             let seen: Vec<SeenPoint> = seen.iter().map(|seen| less_certain(seen, self.model_error_px)).collect();
-            views.push(fitted(&bundle, &camera, pose, &seen, kept.map(|_| GATE * self.scale)));
+            let counts = kept.map(|_| GATE * self.scale).ok_or_else(|| self.reason(place, seen.len()));
+            views.push(fitted(&bundle, &camera, pose, &seen, counts));
         }
         Ok(Calibration {
             camera,

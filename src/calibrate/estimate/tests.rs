@@ -145,13 +145,63 @@ fn a_few_wrong_points_and_a_wrong_picture_do_not_count() {
         }
     }
     let found = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera");
-    assert!(!found.views[3].counts && found.views.iter().filter(|view| view.counts).count() == 9);
+    assert!(matches!(found.views[3].left_out, Some(LeftOut::DoesNotFit { median_px }) if median_px > 1.0));
+    assert!(found.views.iter().filter(|view| view.counts()).count() == 9);
     for view in [0, 5] {
         assert!([3, 17, 40].iter().all(|point| !found.views[view].inliers[*point]));
     }
-    let wrong = found.views.iter().filter(|v| v.counts).flat_map(|v| &v.inliers).filter(|inlier| !**inlier).count();
+    let wrong = found.views.iter().filter(|v| v.counts()).flat_map(|v| &v.inliers).filter(|inlier| !**inlier).count();
     assert!(wrong <= 7, "{wrong} points left out");
     assert!((found.camera.focal_lengths()[0] - 530.0).abs() < 4.0 * found.standard_deviations[0]);
+}
+
+#[test]
+fn a_view_whose_points_leave_its_pose_open_sinks_no_others() {
+    let board = chessboard();
+    let lens = lenses()[2];
+    let camera = truth(lens);
+    let mut seen = views(&camera, &board, 8, 0.1, &mut named("eight points on a line"));
+    // A row but for its last corner, and two more corners on both sides of its middle that are off the same way along it: no turn of the board explains that.
+    seen[4].retain(|seen| seen.point < 8 || [30, 50].contains(&seen.point));
+    let along = (seen[4][7].pixel - seen[4][0].pixel).normalize();
+    seen[4][8].pixel += along * 3.0;
+    seen[4][9].pixel += along * 3.0;
+    // A row alone has no pose to begin with.
+    seen[6].truncate(9);
+    seen[7].truncate(5);
+    let found = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera of the others");
+    let left_out: Vec<Option<LeftOut>> = found.views.iter().map(|view| view.left_out).collect();
+    println!("{left_out:?}");
+    let counting: Vec<usize> = (0..8).filter(|index| left_out[*index].is_none()).collect();
+    assert_eq!(counting, [0, 1, 2, 3, 5], "{left_out:?}");
+    let few = LeftOut::TooFewPoints { points: 5, need: MIN_POINTS };
+    assert_eq!(left_out[6..], [Some(LeftOut::NoPose), Some(few)]);
+    assert!(found.standard_deviations.iter().all(|sigma| sigma.is_finite()), "{:?}", found.standard_deviations);
+}
+
+#[test]
+fn points_on_a_line_leave_a_pose_open_and_one_beside_it_does_not() {
+    let (board, camera) = (chessboard(), truth(lenses()[2]));
+    let mut rng = named("points on a line");
+    let pose = pose_in_view(&camera, &board, &mut rng);
+    let bundle = Bundle {
+        size: SIZE,
+        board: &board,
+        views: &[],
+        lens: *camera.distortion(),
+        freedom: Freedom::none(),
+        loss: Loss::Squares,
+        prior: Parameters::zeros(),
+    };
+    let seen = |points: &[usize]| -> Vec<SeenPoint> {
+        let origin = |point| SeenPoint { point, pixel: Vector2::zeros(), sigma_px: 0.1 };
+        points.iter().map(|point| origin(*point)).collect()
+    };
+    // A row, a column, a diagonal; the last with a corner beside it.
+    for line in [[0, 1, 2, 3, 4, 5, 6, 7], [4, 13, 22, 31, 40, 49, 4, 13], [0, 10, 20, 30, 40, 50, 0, 10]] {
+        assert!(bundle.leaves_pose_open(&camera, &pose, &seen(&line)), "{line:?}");
+    }
+    assert!(!bundle.leaves_pose_open(&camera, &pose, &seen(&[0, 1, 2, 3, 4, 5, 6, 7, 30])));
 }
 
 #[test]

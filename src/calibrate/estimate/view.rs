@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::FittedView;
+use super::{FittedView, LeftOut};
 use crate::board::Board;
 use crate::calibrate::SeenPoint;
 use crate::calibrate::bundle::{Bundle, Loss};
@@ -37,14 +37,15 @@ pub(in crate::calibrate) fn rms_of_view_alone(board: &Board, camera: &Camera, vi
     squares.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// The view under the camera; `gate` where it counts.
+/// The view under the camera: the gate of its points where it counts, or why it does not.
 pub(super) fn fitted(
     bundle: &Bundle<'_>,
     camera: &Camera,
     pose: Option<CameraFromBoard>,
     view: &[SeenPoint],
-    gate: Option<f64>,
+    counts: Result<f64, LeftOut>,
 ) -> FittedView {
+    let gate = counts.ok();
     let residuals_px: Vec<Option<Vector2<f64>>> =
         view.iter().map(|seen| pose.and_then(|pose| bundle.residual(camera, &pose, seen))).collect();
     let inliers: Vec<bool> = residuals_px
@@ -61,5 +62,5 @@ pub(super) fn fitted(
         .filter_map(|(residual, _)| residual.map(|r| r.norm_squared()))
         .collect();
     let rms_px = (counted.iter().sum::<f64>() / counted.len().max(1) as f64).sqrt();
-    FittedView { camera_from_board: pose, rms_px, counts: gate.is_some(), residuals_px, inliers }
+    FittedView { camera_from_board: pose, rms_px, left_out: counts.err(), residuals_px, inliers }
 }

@@ -86,6 +86,12 @@ impl Calibrate {
         });
         bar.finish_and_clear();
         let Estimated { wire, page } = done.map_err(|refusal| refusal.fault)?;
+        // Those that the estimate leaves out; the others have been named.
+        for (view, sighting) in wire.views.iter().zip(&sightings) {
+            if let (Some(reason), None) = (&view.reason, &sighting.reason) {
+                complain(&format!("{}: {reason}", view.name));
+            }
+        }
         self.write(&wire, &page)
     }
 

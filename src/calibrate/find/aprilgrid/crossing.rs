@@ -1,7 +1,8 @@
 //! Where exactly two edges cross: a blurred corner of four fields, fitted to the light about it.
 //!
 //! Four fields are the same turned by half a turn about their corner, whatever a gamma or an exposure does to black and white. The
-//! model has that symmetry, so that none of these moves its corner.
+//! model has that symmetry, so that none of these moves its corner. Bent edges have it not: how much a lens bends them is told by the
+//! other corners of the board.
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
@@ -14,6 +15,8 @@ pub(super) struct Start {
     pub place: Pixel,
     /// Directions and lengths of the tag's sides at the corner, px: to the right and down, as columns.
     pub axes: Matrix2<f64>,
+    /// How the edges along the two axes bend, 1/px; positive to the right of where the axis points, as one sees the picture.
+    pub bends_per_px: [f64; 2],
     /// The fields go as far as this, sides.
     pub reach: f64,
     /// Whether the field between the two axes is black.
@@ -84,8 +87,9 @@ pub(super) fn fit(raw: &Plane, start: &Start) -> Option<Fit> {
     (at[5], at[6]) = (window.mean(), sign * start.contrast);
     // The edge along the first axis has its positive side where the second axis points, and the other the first.
     let turn = start.axes.determinant().signum();
+    let edges = Edges { turn, bends_per_px: start.bends_per_px };
     let mut damping = 1e-3;
-    let mut sums = window.sums(&at, turn);
+    let mut sums = window.sums(&at, &edges);
     let mut settled = false;
     for _ in 0..MAX_STEPS {
         let mut normal = sums.normal;
@@ -96,7 +100,7 @@ pub(super) fn fit(raw: &Plane, start: &Start) -> Option<Fit> {
         let step = normal.cholesky()?.solve(&sums.right);
         let mut next = at + step;
         next[4] = next[4].clamp(BLURS_PX[0].ln(), BLURS_PX[1].ln());
-        let tried = window.sums(&next, turn);
+        let tried = window.sums(&next, &edges);
         if tried.squares <= sums.squares {
             (at, sums) = (next, tried);
             damping *= 0.1;
@@ -127,7 +131,7 @@ pub(super) fn fit(raw: &Plane, start: &Start) -> Option<Fit> {
     let gain = inverse.fixed_view::<2, COUNT>(0, 0).into_owned();
     let pulls = window.pixels.iter().map(|pixel| match pixel {
         Some((offset, value)) => {
-            let (model, by) = model(&at, turn, offset);
+            let (model, by) = model(&at, &edges, offset);
             Pull { is_in: true, by: gain * by, left: value - model }
         }
         None => Pull::default(),
@@ -202,22 +206,34 @@ impl Likeness {
     }
 }
 
+/// What is known of the two edges.
+struct Edges {
+    /// 1 where the second axis is to the right of the first, as one sees the picture, -1 where it is to the left.
+    turn: f64,
+    bends_per_px: [f64; 2],
+}
+
 /// The light at an offset from the start, and its derivatives.
-fn model(at: &Row, turn: f64, offset: &Vector2<f64>) -> (f64, Row) {
+fn model(at: &Row, edges: &Edges, offset: &Vector2<f64>) -> (f64, Row) {
     let from = offset - at.fixed_rows::<2>(0);
     let blur = at[4].exp();
     let scale = 1.0 / (std::f64::consts::SQRT_2 * blur);
-    let edge = |angle: f64, side: f64| {
+    let edge = |angle: f64, side: f64, bend_per_px: f64| {
         let (sin, cos) = angle.sin_cos();
-        let across = Vector2::new(-sin, cos) * side;
-        let distance = across.dot(&from);
+        let (normal, along) = (Vector2::new(-sin, cos), Vector2::new(cos, sin));
+        let (off, way) = (normal.dot(&from), along.dot(&from));
+        // From the parabola that the edge is nearby.
+        let distance = side * (off - 0.5 * bend_per_px * way * way);
+        let across = (normal - along * (bend_per_px * way)) * side;
         // With the angle the normal turns against the direction.
-        let by_angle = -side * (cos * from.x + sin * from.y);
+        let by_angle = -side * way * (1.0 + bend_per_px * off);
         let (value, slope) = step(distance * scale);
         (value, slope * scale, distance, across, by_angle)
     };
-    let (first, first_slope, first_distance, first_across, first_by_angle) = edge(at[2], turn);
-    let (second, second_slope, second_distance, second_across, second_by_angle) = edge(at[3], -turn);
+    let (first, first_slope, first_distance, first_across, first_by_angle) =
+        edge(at[2], edges.turn, edges.bends_per_px[0]);
+    let (second, second_slope, second_distance, second_across, second_by_angle) =
+        edge(at[3], -edges.turn, edges.bends_per_px[1]);
     let product = first * second;
     let gain = at[6] + 2.0 * at[7] * product;
     let (by_first, by_second) = (gain * second * first_slope, gain * first * second_slope);
@@ -308,10 +324,10 @@ impl Window {
         self.seen().map(|(_, value)| value).sum::<f64>() / self.count() as f64
     }
 
-    fn sums(&self, at: &Row, turn: f64) -> Sums {
+    fn sums(&self, at: &Row, edges: &Edges) -> Sums {
         let mut sums = Sums { normal: Square::zeros(), right: Row::zeros(), squares: 0.0 };
         for (offset, value) in self.seen() {
-            let (model, by) = model(at, turn, offset);
+            let (model, by) = model(at, edges, offset);
             let left = value - model;
             sums.normal.ger(1.0, &by, &by, 1.0);
             sums.right.axpy(left, &by, 1.0);
@@ -328,14 +344,15 @@ mod tests {
     #[test]
     fn the_models_derivatives_agree_with_central_differences() {
         let at = Row::from([0.2, -0.1, 0.3, 1.7, 0.1, 120.0, 70.0, -5.0, 0.3, -0.2]);
-        for turn in [1.0, -1.0] {
+        for (turn, bends_per_px) in [(1.0, [0.0, 0.0]), (-1.0, [0.03, -0.05])] {
+            let edges = Edges { turn, bends_per_px };
             for offset in [[1.2, 0.4], [-0.3, 0.7], [2.0, -3.0], [0.2, -0.1]].map(Vector2::from) {
-                let (_, by) = model(&at, turn, &offset);
+                let (_, by) = model(&at, &edges, &offset);
                 for k in 0..COUNT {
                     let moved = |step: f64| {
                         let mut at = at;
                         at[k] += step;
-                        model(&at, turn, &offset).0
+                        model(&at, &edges, &offset).0
                     };
                     let numeric = (moved(1e-5) - moved(-1e-5)) / 2e-5;
                     assert!((by[k] - numeric).abs() < 2e-3 * (1.0 + numeric.abs()), "{k}: {} {numeric}", by[k]);

@@ -97,6 +97,7 @@ impl Tag {
         Some(Start {
             place: self.corners[corner],
             axes: Matrix2::from_columns(&[by(0), by(1)]),
+            bends_per_px: [0.0; 2],
             // The gap, and two cells of border.
             reach: (grid.gap_m / grid.tag_m).min(f64::from(AprilGrid::BORDER) / CELLS),
             // The quarter to the right of and below the corner is the tag's for the upper left one.

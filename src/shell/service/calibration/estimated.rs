@@ -6,7 +6,7 @@ use super::page;
 use super::sighting::{Sighting, nothing_seen};
 use crate::calibrate::SeenPoint;
 use crate::calibrate::coverage::CELLS;
-use crate::calibrate::estimate::{CalibrateError, Calibration, MIN_POINTS, calibrate};
+use crate::calibrate::estimate::{CalibrateError, Calibration, calibrate};
 use crate::calibrate::held_out::Fit;
 use crate::calibrate::report::{Report, report};
 use crate::shell::fault::{Fault, FaultKind};
@@ -93,8 +93,8 @@ fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> Cali
             name: seen.name.clone(),
             points: seen.points.len(),
             inliers: fitted.inliers.iter().filter(|counts| **counts).count(),
-            counts: fitted.counts,
-            reason: seen.reason.clone().or_else(|| reason_of(fitted.counts, seen.points.len())),
+            counts: fitted.counts(),
+            reason: seen.reason.clone().or_else(|| fitted.left_out.map(|reason| reason.to_string())),
             rms_px: fitted.camera_from_board.map(|_| fitted.rms_px),
             range_m: stance.map(|stance| stance.range_m),
             tilt_rad: stance.map(|stance| stance.tilt_rad),
@@ -144,16 +144,6 @@ fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> Cali
         drop,
         next_view,
         weaknesses: report.weaknesses.iter().map(ToString::to_string).collect(),
-    }
-}
-
-fn reason_of(counts: bool, points: usize) -> Option<String> {
-    match (counts, points < MIN_POINTS) {
-        (true, _) => None,
-        (false, true) => Some(format!("{points} points are too few: {MIN_POINTS} are needed")),
-        (false, false) => {
-            Some("it does not fit the others: another camera, zoom or board, or a board that moved".into())
-        }
     }
 }
 

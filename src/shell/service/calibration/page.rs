@@ -101,7 +101,7 @@ pub(super) fn page(
         .map(|((sighting, seen), fitted)| {
             let address = sighting.thumbnail.as_ref().map(|data| format!("data:image/jpeg;base64,{data}"));
             let svg = found_points(sighting.size.unwrap_or(size), address.as_deref(), seen, fitted);
-            Picture { name: &sighting.name, counts: fitted.counts, svg }
+            Picture { name: &sighting.name, counts: fitted.counts(), svg }
         })
         .collect();
     let rows = wire.views.iter().map(|view| Row {
