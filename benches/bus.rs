@@ -7,6 +7,7 @@
 //!   Zenoh, the same payload to another process (this benchmark, started again) that answers with as many bytes as an estimate has, and
 //!   the pipeline's own time, the same frame decoded, detected, identified and solved by the library on one thread of this process. The
 //!   three alternate frame by frame; medians over all frames and rounds are printed.
+//! - `raw frames`: the same for frames that were not encoded, out of shared memory and without it, one after the other.
 //! - `cameras`: four cameras of 640x480 publish 30 frames a second each for ten seconds. Printed is what became of the frames, by
 //!   the service's own count and by what arrived here, and the latencies.
 //!
@@ -25,12 +26,14 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use skypose::camera::{Camera, Distortion};
+use skypose::frame::Frame;
 use skypose::random;
 use skypose::scene::encode;
 use skypose::scene::flight::Flight;
 use skypose::scene::models::{demo_camera, wing};
 use skypose::scene::render::{Optics, Sky, render};
 use skypose::shell::bus::network::{Role, join};
+use skypose::shell::bus::shared::Pool;
 use skypose::shell::config::Settings;
 use skypose::shell::service::compute::{FrameTask, Seen, Terms};
 use skypose::shell::service::lookup::Lookup;
@@ -72,6 +75,7 @@ fn main() {
     let _ = rustls::crypto::ring::default_provider().install_default();
     runtime.block_on(async {
         latency().await;
+        raw_frames().await;
         cameras().await;
     });
 }
@@ -131,6 +135,52 @@ async fn latency() {
     println!("latency    raw round trip ms   pipeline ms   frame to estimate ms    95 %   ratio   (goal: 1.3)");
     let p95 = of_rounds(2, 0.95);
     println!("           {raw_ms:17.3} {own_ms:13.3} {whole_ms:22.3} {p95:7.3} {ratio:7.3}\n");
+}
+
+async fn raw_frames() {
+    let camera = demo_camera();
+    let (width, height) = (camera.width(), camera.height());
+    let frame = rendered(&camera, Flight::ALL[0], 0).rgb().into_owned();
+    let station = Station::start(&camera, &CAMERAS[..1]).await;
+    let apart = join(&station.endpoint, Role::Connect, false).await.expect("connects");
+    let estimates = station.listen("estimate").await;
+    let statuses = station.listen("status").await;
+    let mut pool = Pool::default();
+    let mut times_ms = [Vec::new(), Vec::new()];
+    for round in 0..WARM_UP + ROUNDS * 3 {
+        for ((client, is_shared), times_ms) in [(&station.client, true), (&apart, false)].into_iter().zip(&mut times_ms)
+        {
+            // What a camera has in its hand is copied into the pool, or by Zenoh; both are measured.
+            let taken = frame.clone();
+            let start = Instant::now();
+            let payload = if is_shared { pool.put(taken) } else { taken.into() };
+            client
+                .put(format!("{GROUP}/camera/{}/frame", CAMERAS[0]), payload)
+                .encoding(Encoding::APPLICATION_OCTET_STREAM)
+                .attachment(json!({"width": width, "height": height, "format": "rgb8"}).to_string())
+                .congestion_control(CongestionControl::Block)
+                .await
+                .expect("sends");
+            tokio::time::timeout(SOON, estimates.recv_async()).await.expect("in time").expect("an estimate");
+            if round >= WARM_UP {
+                times_ms.push(start.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+    }
+    let mut shared = Value::Null;
+    while shared["received"] != (2 * (WARM_UP + ROUNDS * 3)) {
+        let sample = tokio::time::timeout(SOON, statuses.recv_async()).await.expect("in time").expect("a status");
+        shared = json_of(sample.payload());
+    }
+    let [shared_ms, copied_ms] = times_ms.map(|times_ms| quantile(times_ms, 0.5));
+    println!("raw frames    kB   frame to estimate in shared memory ms   without ms   ratio   in shared memory");
+    println!(
+        "           {:5} {shared_ms:38.3} {copied_ms:12.3} {:7.3} {:10} of {}\n",
+        frame.len() / 1000,
+        shared_ms / copied_ms,
+        shared["shared"],
+        shared["received"],
+    );
 }
 
 async fn cameras() {
@@ -222,15 +272,14 @@ async fn task(camera: &Camera) -> FrameTask {
 
 fn flown(camera: &Camera) -> Vec<Vec<u8>> {
     let shots = Flight::ALL.into_iter().flat_map(|flight| (0..SHOTS).map(move |shot| (flight, shot)));
-    shots
-        .map(|(flight, shot)| {
-            let pose = flight.pose((flight.len() - 1) * shot / (SHOTS - 1));
-            let sky = Sky::fair(1, [0.4 * shot as f64, 0.0]);
-            let rng = &mut random::case(flight.name(), shot as u64);
-            let frame = render(camera, &pose, &wing(), &sky, &Optics::default(), rng);
-            encode::jpeg(&frame, 90).expect("fits a JPEG")
-        })
-        .collect()
+    shots.map(|(flight, shot)| encode::jpeg(&rendered(camera, flight, shot), 90).expect("fits a JPEG")).collect()
+}
+
+fn rendered(camera: &Camera, flight: Flight, shot: usize) -> Frame {
+    let pose = flight.pose((flight.len() - 1) * shot / (SHOTS - 1));
+    let sky = Sky::fair(1, [0.4 * shot as f64, 0.0]);
+    let rng = &mut random::case(flight.name(), shot as u64);
+    render(camera, &pose, &wing(), &sky, &Optics::default(), rng)
 }
 
 /// A process that is killed when dropped. It has said its first line.
@@ -255,6 +304,7 @@ impl Drop for Kept {
 /// The program serving on a network of its own, and a client there.
 struct Station {
     _program: Kept,
+    endpoint: String,
     client: Session,
     _data: TempDir,
 }
@@ -279,7 +329,7 @@ impl Station {
             assert!(reply.status().is_success(), "{path}: {}", reply.status());
         }
         let client = join(&endpoint, Role::Connect, true).await.expect("connects");
-        let station = Self { _program: program, client, _data: data };
+        let station = Self { _program: program, endpoint, client, _data: data };
         let statuses = station.listen("status").await;
         let mut is_listening = vec![false; streams.len()];
         while is_listening.contains(&false) {

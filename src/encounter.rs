@@ -13,6 +13,7 @@
 //!
 //! Vectors are in the level axes of our aircraft before it turns: x along its course, y to the right, z down.
 
+mod act;
 mod airspace;
 mod approach;
 mod avoid;
@@ -29,6 +30,7 @@ mod regard;
 mod study;
 mod tasks;
 
+pub use act::{Means, ToAct, to_act};
 pub use airspace::Airspace;
 pub use approach::{Approach, RelativeState};
 pub use avoid::{LatestTurn, NoTurn, latest_turn, miss_if_turned_now_m};

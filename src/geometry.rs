@@ -6,11 +6,13 @@
 
 pub mod bearing;
 pub mod covariance;
+pub mod left_jacobian;
 pub mod mount;
 pub mod point;
 pub mod rotation;
 pub mod space;
 pub mod transform;
+pub mod uncertain;
 
 pub use bearing::Direction;
 pub use covariance::PoseCovariance;
@@ -18,3 +20,4 @@ pub use mount::BodyFromCamera;
 pub use point::Point;
 pub use rotation::EulerAngles;
 pub use transform::{CameraFromBoard, CameraFromTarget, Transform};
+pub use uncertain::UncertainTransform;

@@ -25,6 +25,7 @@
 //! | [`pose`] | correspondences | the answer: best pose, runners-up with probabilities, or the reason for none |
 //! | [`identify`] | centroids | which of them is which marker (it tries poses, so it stands after them) |
 //! | [`track`] | answers over time | tracks: motion with covariance, one attitude out of the mirrored ones, closest approach |
+//! | [`swarm`] | tracks of several cameras and vehicles | whether they agree, and the pose that follows from all |
 //! | [`pipeline`] | a frame | all of it, on one screen |
 //!
 //! *Workshops*, which use the flow: [`scene`] makes synthetic truth, from the simulated cases of the 2012 study to rendered
@@ -96,5 +97,6 @@ pub mod scene;
 pub mod shell;
 pub mod solve;
 pub mod statistics;
+pub mod swarm;
 pub mod target;
 pub mod track;

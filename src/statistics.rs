@@ -18,6 +18,45 @@ pub fn chi_square_quantile(freedom: f64, z: f64) -> f64 {
     freedom * (1.0 - spread + z * spread.sqrt()).powi(3)
 }
 
+/// The share of chi-square above `value` with twice `pairs` degrees of freedom: exact, as the series ends there (Abramowitz and Stegun
+/// 26.4.21). All of it for none.
+#[must_use]
+pub fn chi_square_share_above(pairs: u32, value: f64) -> f64 {
+    let half = 0.5 * value.max(0.0);
+    if pairs == 0 || half == 0.0 {
+        return 1.0;
+    }
+    if half > MOST_HALF {
+        return 0.0;
+    }
+    let (mut term, mut sum) = (1.0, 1.0);
+    for power in 1..pairs {
+        term *= half / f64::from(power);
+        sum += term;
+    }
+    (sum * (-half).exp()).min(1.0)
+}
+
+/// Beyond it the exponential is nothing in double precision.
+const MOST_HALF: f64 = 700.0;
+
+/// The value above which lies this share of chi-square with twice `pairs` degrees of freedom, `share` between 0 and 1: the inverse of
+/// [`chi_square_share_above`], to rounding.
+#[must_use]
+pub fn chi_square_limit(pairs: u32, share: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 2.0 * MOST_HALF);
+    // Each step halves what is left: down to rounding.
+    for _ in 0..64 {
+        let middle = 0.5 * (low + high);
+        if chi_square_share_above(pairs, middle) > share {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
 /// A share of cases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rate {
@@ -80,6 +119,18 @@ mod tests {
             assert!((found_low - low).abs() < 1e-4 && (found_high - high).abs() < 1e-4, "{found_low} {found_high}");
         }
         assert_eq!((Rate::default().ratio(), Rate::default().interval()), (None, [0.0, 1.0]));
+    }
+
+    #[test]
+    fn shares_of_chi_square_are_those_of_the_tables() {
+        // Abramowitz and Stegun, table 26.8: 2, 6 and 12 degrees of freedom.
+        for (pairs, share, tabulated) in
+            [(1, 0.05, 5.991_46), (3, 0.05, 12.591_6), (3, 0.001, 22.457_7), (6, 0.01, 26.217_0)]
+        {
+            assert!((chi_square_limit(pairs, share) - tabulated).abs() < 1e-4, "{pairs} {share}");
+            assert!((chi_square_share_above(pairs, tabulated) - share).abs() < 1e-6, "{pairs} {share}");
+        }
+        assert!(chi_square_share_above(3, 0.0) > 1.0 - 1e-15 && chi_square_share_above(3, 1e9) < 1e-300);
     }
 
     #[test]

@@ -35,7 +35,6 @@
 
 mod approach;
 mod assignment;
-mod left_jacobian;
 mod life;
 mod measured;
 mod merge;

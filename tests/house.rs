@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Rooms from the inside out; a room knows itself, the rooms above it in its own group as far as `GROUPS` says, and all
 /// groups before.
 const WORDS: [&str; 7] = ["geometry", "camera", "target", "board", "frame", "random", "statistics"];
-const FLOW: [&str; 7] = ["detect", "solve", "refine", "pose", "identify", "track", "pipeline"];
+const FLOW: [&str; 8] = ["detect", "solve", "refine", "pose", "identify", "track", "swarm", "pipeline"];
 const WORKSHOPS: [&str; 7] = ["scene", "annotate", "assess", "plot", "encounter", "calibrate", "evaluate"];
 /// Workshops that are built on others.
 const BUILT_ON: [(&str, &[&str]); 2] = [("evaluate", &["scene", "plot"]), ("encounter", &["assess", "plot"])];
@@ -46,11 +46,16 @@ const WORLD: [&str; 19] = [
 ];
 
 /// Exceptions, each with its reason.
-const EXCEPTIONS: [(&str, &str, &str); 7] = [
+const EXCEPTIONS: [(&str, &str, &str); 12] = [
     ("annotate/tests.rs", "scene", "drawings are held against rendered frames"),
     ("calibrate/estimate/tests.rs", "scene", "cameras are held against simulated sets"),
     ("calibrate/find/chessboard/tests.rs", "scene", "corners are held against rendered frames"),
     ("calibrate/find/views.rs", "scene", "what is found of boards is held against rendered frames, in tests only"),
+    ("swarm/tests/drawn.rs", "println!", "a test shows its figures"),
+    ("swarm/tests/flights.rs", "scene", "fused poses are held against simulated flights"),
+    ("swarm/tests/flights.rs", "println!", "a test shows its figures"),
+    ("swarm/tests/moments.rs", "scene", "fused poses are held against simulated flights"),
+    ("swarm/tests/moments.rs", "println!", "a test shows its figures"),
     ("track/tests/flights.rs", "scene", "tracks are held against simulated flights"),
     ("track/tests/consistency.rs", "scene", "tracks are held against simulated flights"),
     ("track/tests/consistency.rs", "println!", "a test shows its figures"),

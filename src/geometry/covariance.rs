@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix6, Rotation3, Vector6};
 
-use super::transform::CameraFromTarget;
+use super::space::Space;
+use super::transform::Transform;
 
 /// 6 x 6 covariance of a pose in the order x, y, z (m), rotation about camera x, y, z (rad), for the error
 /// `(t_true - t, Log(R_true R^T))`: the order of ROS `PoseWithCovariance`. Symmetric and positive definite by
@@ -78,7 +79,11 @@ impl PoseCovariance {
     /// Normalised estimation error squared of `estimate` against `truth`: chi-square with 6 degrees of freedom where the
     /// covariance is right.
     #[must_use]
-    pub fn normalized_error_squared(&self, estimate: &CameraFromTarget, truth: &CameraFromTarget) -> f64 {
+    pub fn normalized_error_squared<To: Space, From: Space>(
+        &self,
+        estimate: &Transform<To, From>,
+        truth: &Transform<To, From>,
+    ) -> f64 {
         let error = estimate.difference_to(truth);
         self.0.cholesky().map_or(f64::INFINITY, |c| error.dot(&c.solve(&error)))
     }

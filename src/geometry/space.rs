@@ -25,8 +25,14 @@ pub struct Board;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Body;
 
+/// Fixed to another vehicle, with axes as those of [`Body`]: so that what we see of it and what it sees of us are not mistaken for
+/// each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peer;
+
 impl Space for World {}
 impl Space for Camera {}
 impl Space for Target {}
 impl Space for Board {}
 impl Space for Body {}
+impl Space for Peer {}

@@ -4,12 +4,14 @@
 //! reader: what cannot be sent at once is dropped, as the next estimate is worth more.
 
 pub mod asyncapi;
+mod bodies;
 mod camera;
 pub mod keys;
 pub mod network;
 mod payload;
 mod queries;
 pub mod ros;
+pub mod shared;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -100,6 +102,7 @@ struct Open {
     _queries: Vec<Queryable<()>>,
     _token: LivelinessToken,
     _ros: ros::Ros,
+    _bodies: bodies::Bodies,
 }
 
 impl Open {
@@ -120,7 +123,8 @@ impl Open {
         let token = house.session.liveliness().declare_token(house.keys.alive_node(&house.node)?).await;
         let token = token.map_err(failed)?;
         let ros = ros::Ros::open(house).await?;
-        Ok(Self { _frames: frames, _queries: queries, _token: token, _ros: ros })
+        let bodies = bodies::Bodies::open(house).await?;
+        Ok(Self { _frames: frames, _queries: queries, _token: token, _ros: ros, _bodies: bodies })
     }
 }
 

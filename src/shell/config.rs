@@ -2,6 +2,7 @@
 //! at once.
 
 mod load;
+mod swarm;
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -14,9 +15,10 @@ use crate::frame::Limits;
 use crate::identify::IdentifyOptions;
 use crate::pipeline;
 use crate::shell::store::{address_problem, check_name};
-use crate::shell::wire::TrackOptionsWire;
+use crate::shell::wire::{ActOptionsWire, TrackOptionsWire};
 
 pub use load::{SettingFault, load};
+pub use swarm::{SwarmBody, SwarmCamera, SwarmSettings};
 
 /// All settings. `deploy/skypose.toml` lists them with their defaults and reasons.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
@@ -40,8 +42,12 @@ pub struct Settings {
     pub streams: StreamSettings,
     /// How tracks are kept.
     pub track: TrackOptionsWire,
+    /// What our aircraft can do about an encounter.
+    pub encounter: ActOptionsWire,
     /// The swarm side.
     pub zenoh: ZenohSettings,
+    /// Nodes that see each other.
+    pub swarm: SwarmSettings,
     /// Robots that speak ROS 2.
     pub ros: RosSettings,
     /// Ground stations and autopilots.
@@ -378,7 +384,7 @@ pub struct ZenohSettings {
     pub node: String,
     /// Queries being answered at a time; further ones are refused.
     pub max_queries: usize,
-    /// Shared memory with others on this machine, where an endpoint is given; a file says it itself.
+    /// Shared memory with others on this machine, where an endpoint is given and the process may lock it; a file says it itself.
     pub shared_memory: bool,
 }
 
@@ -667,9 +673,14 @@ impl Settings {
         need(is_prefix && zenoh.prefix.len() <= 256, "zenoh.prefix", "must be names with slashes between");
         self.ros.faults(&zenoh.network, &mut need);
         self.mavlink.faults(&mut need);
+        self.swarm.faults(&mut need);
         if let Err(fault) = self.track.options() {
             let option = fault.pointer.as_deref().unwrap_or_default().trim_start_matches('/');
             faults.push(SettingFault { setting: format!("track.{option}"), problem: fault.detail });
+        }
+        if let Err(fault) = self.encounter.means() {
+            let option = fault.pointer.as_deref().unwrap_or_default().trim_start_matches('/');
+            faults.push(SettingFault { setting: format!("encounter.{option}"), problem: fault.detail });
         }
         if !self.store.storage.is_empty()
             && let Some(problem) = address_problem(self.store.storage.expose())

@@ -12,6 +12,7 @@ pub mod layers;
 pub mod server;
 
 mod assessments;
+mod bodies;
 mod calibrations;
 mod detections;
 mod encounters;
@@ -80,6 +81,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(streams::get, streams::put, streams::delete))
         .routes(routes!(live::post))
         .routes(routes!(live::estimates))
+        .routes(routes!(bodies::list))
 }
 
 /// Routes that take what comes in its own time.

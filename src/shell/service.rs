@@ -8,6 +8,7 @@ pub mod jobs;
 pub mod lookup;
 pub mod recorded;
 pub mod sequences;
+pub mod swarm;
 pub mod told;
 pub mod tracks;
 pub mod workers;
@@ -37,6 +38,7 @@ use jobs::{Jobs, Kind};
 use lookup::{Known, Lookup};
 use recorded::job::RecordedTerms;
 use sequences::Sequences;
+use swarm::Swarm;
 use tokio::sync::broadcast;
 use told::Told;
 use workers::Workers;
@@ -56,6 +58,7 @@ pub struct Service {
     jobs: Jobs,
     known: Arc<Known>,
     told: broadcast::Sender<Arc<Told>>,
+    swarm: Swarm,
 }
 
 impl Service {
@@ -82,7 +85,8 @@ impl Service {
         let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
         let (hub, node) = (Hub::new(&settings.streams), settings.zenoh.node_name());
         let told = broadcast::Sender::new(told::MOST_WAITING);
-        Ok(Self { settings, store, workers, sequences, hub, node, jobs, known: Arc::default(), told })
+        let swarm = Swarm::new(&settings.swarm);
+        Ok(Self { settings, store, workers, sequences, hub, node, jobs, known: Arc::default(), told, swarm })
     }
 
     /// The settings.

@@ -1,5 +1,6 @@
 //! Every serialised shape, named as in the contract, and its way into and out of the core's types.
 
+pub mod act;
 pub mod assessment;
 pub mod calibration;
 pub mod camera;
@@ -18,6 +19,7 @@ pub mod problem;
 pub mod rate;
 pub mod recorded;
 pub mod reference;
+pub mod relative;
 pub mod sighting;
 pub mod stream;
 pub mod swarm;
@@ -29,6 +31,7 @@ use serde::de::DeserializeOwned;
 
 use super::fault::{Fault, FaultKind};
 
+pub use act::ActOptionsWire;
 pub use assessment::{AssessmentReply, AssessmentRequest};
 pub use calibration::CalibrationRequest;
 pub use camera::{CameraPut, CameraWire, DerivedCameraWire, DistortionWire};

@@ -106,6 +106,13 @@ impl Track {
         &self.mixture.hypotheses()[1..]
     }
 
+    /// All motions so much later than the last frame, by falling probability, if it is not seen until then; empty where that is beyond
+    /// telling.
+    #[must_use]
+    pub fn predicted(&self, later: Duration, options: &TrackOptions) -> Vec<Hypothesis> {
+        self.mixture.predicted(later.as_secs_f64(), options).map_or_else(Vec::new, |later| later.hypotheses().to_vec())
+    }
+
     /// All of them.
     pub(super) const fn mixture(&self) -> &Mixture {
         &self.mixture

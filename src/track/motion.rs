@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::left_jacobian::left_jacobian;
 use super::options::TrackOptions;
 use super::process_noise::process_noise;
+use crate::geometry::left_jacobian::left_jacobian;
 use crate::geometry::{CameraFromTarget, PoseCovariance, rotation};
 
 /// Covariance of a motion.

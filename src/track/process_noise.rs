@@ -61,8 +61,8 @@ fn turned(turn_rad: &Vector3<f64>, dt_s: f64) -> (Matrix3<f64>, Matrix3<f64>) {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::left_jacobian::left_jacobian;
     use super::*;
+    use crate::geometry::left_jacobian::left_jacobian;
 
     proptest! {
         #[test]

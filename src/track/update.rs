@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 
-use super::left_jacobian::{left_jacobian, left_jacobian_inverse};
 use super::measured::Measured;
 use super::motion::{Matrix12, Motion};
+use crate::geometry::left_jacobian::{left_jacobian, left_jacobian_inverse};
 
 /// How a measured pose agrees with a predicted one.
 #[derive(Clone, Copy, Debug)]

@@ -30,8 +30,12 @@ pub struct Peer(Child, BufReader<ChildStdout>);
 
 impl Peer {
     pub fn start(python: &Path, script: &str, arguments: &[&str]) -> Self {
+        Self::of(Command::new(python), script, arguments)
+    }
+
+    /// By a command that runs Python, wherever it does.
+    pub fn of(mut command: Command, script: &str, arguments: &[&str]) -> Self {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients").join(script);
-        let mut command = Command::new(python);
         command.arg(script).args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().expect("a process");
         let output = BufReader::new(child.stdout.take().expect("piped"));

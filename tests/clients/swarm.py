@@ -1,7 +1,10 @@
 """The other side of the network, as a program of somebody else would be: eclipse-zenoh from PyPI and nothing of ours.
 
     swarm.py router ENDPOINT                         a router, until it is killed
-    swarm.py fly ENDPOINT NODE CAMERA COUNT HZ FRAME  sends a JPEG COUNT times, tells as JSON what came back
+    swarm.py compared ENDPOINT NODE OTHER COUNT       what two nodes make of each other, one JSON object a line
+    swarm.py fly ENDPOINT NODE CAMERA COUNT HZ FRAME [LEASE_MS]
+                                                     sends a JPEG COUNT times, tells as JSON what came back; a link that is silent for
+                                                     LEASE_MS is given up and made anew
     swarm.py ask ENDPOINT NODE CALL JSON             one query, its reply
 """
 
@@ -30,7 +33,7 @@ def router(endpoint):
         threading.Event().wait()
 
 
-def fly(endpoint, node, camera, count, rate, path):
+def fly(endpoint, node, camera, count, rate, path, lease=None):
     with open(path, "rb") as file:
         frame = file.read()
     base = f"skypose/v1/default/{node}/camera/{camera}"
@@ -44,7 +47,10 @@ def fly(endpoint, node, camera, count, rate, path):
         note["age_us"] = int(time.time() * 1e6) - note["timestamp_us"]
         estimates.append(note)
 
-    with zenoh.open(config("client", "connect", endpoint)) as session:
+    made = config("client", "connect", endpoint)
+    if lease:
+        made.insert_json5("transport/link/tx/lease", lease)
+    with zenoh.open(made) as session:
         watching = session.declare_subscriber(f"{base}/estimate", on_estimate)
         told = session.declare_subscriber(f"{base}/status", lambda s: statuses.append(json.loads(s.payload.to_string())))
         # Who is not there yet is waited for.
@@ -66,6 +72,18 @@ def fly(endpoint, node, camera, count, rate, path):
     print(json.dumps({"sent": count, "estimates": estimates, "status": statuses[-1] if statuses else None}))
 
 
+def compared(endpoint, node, other, count):
+    with zenoh.open(config("client", "connect", endpoint)) as session:
+        told = session.declare_subscriber(f"skypose/v1/default/{node}/body/{other}/agreement")
+        print("listening", flush=True)
+        for _ in range(count):
+            sample = told.recv()
+            agreement = json.loads(sample.payload.to_string())
+            fused = agreement["fused"]
+            line = {"verdict": agreement["verdict"], "encoding": str(sample.encoding), "fused": fused and fused["translation_m"]}
+            print(json.dumps(line), flush=True)
+
+
 def ask(endpoint, node, call, text):
     with zenoh.open(config("client", "connect", endpoint)) as session:
         time.sleep(0.5)
@@ -80,8 +98,11 @@ def main(command, *arguments):
     if command == "router":
         router(*arguments)
     elif command == "fly":
-        endpoint, node, camera, count, rate, path = arguments
-        fly(endpoint, node, camera, int(count), float(rate), path)
+        endpoint, node, camera, count, rate, path, *lease = arguments
+        fly(endpoint, node, camera, int(count), float(rate), path, *lease)
+    elif command == "compared":
+        endpoint, node, other, count = arguments
+        compared(endpoint, node, other, int(count))
     elif command == "ask":
         ask(*arguments)
     else:

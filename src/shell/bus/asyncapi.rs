@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
-use super::keys::{ALIVE_CAMERA, ALIVE_NODE, CAMERA, Call, RPC, Topic};
+use super::keys::{ALIVE_CAMERA, ALIVE_NODE, BODY, BodyTopic, CAMERA, Call, RPC, Topic};
 use crate::shell::config::ZenohSettings;
 use crate::shell::wire::swarm::EstimateNote;
 
@@ -29,6 +29,16 @@ pub fn value() -> Value {
             format!("{action}_{}", topic.name()),
             json!({"action": action, "channel": {"$ref": format!("#/channels/{}", topic.name())}}),
         );
+    }
+    for topic in BodyTopic::ALL {
+        let name = topic.name();
+        channels.insert(name.into(), channel(BODY, name, name));
+        let reference = json!({"$ref": format!("#/channels/{name}")});
+        operations.insert(format!("send_{name}"), json!({"action": "send", "channel": reference}));
+        // What others see of us; what they make of it is theirs.
+        if topic == BodyTopic::Relative {
+            operations.insert(format!("receive_{name}"), json!({"action": "receive", "channel": reference}));
+        }
     }
     for (name, format, what) in [
         ("alive_node", ALIVE_NODE, "Liveliness token: the node is there."),
@@ -124,6 +134,7 @@ fn parameters(format: &str) -> Value {
     let described = format.split('/').filter_map(parameter).filter_map(|name| {
         let what = match name {
             "node" => "Name of the node, `zenoh.node`",
+            "other" => "Name of the other node, that the first sees",
             "camera" => "Name under which the camera sends its frames",
             _ => return None,
         };
@@ -164,6 +175,16 @@ fn messages() -> Value {
                "headers": own(&EstimateNote::name()), "payload": of_http("Tracks")}),
     );
     add("status", json!({"summary": "What has become of the frames.", "payload": of_http("CameraStatus")}));
+    add(
+        "relative",
+        json!({"summary": "Where the cameras of a node see another's body, after a frame that shows it. The other compares it with where \
+                   it saw that node at the same moment.", "payload": of_http("Relative")}),
+    );
+    add(
+        "agreement",
+        json!({"summary": "How what a node sees of another agrees with what that one said of it, and the pose that follows from both.",
+               "payload": of_http("Agreement")}),
+    );
     add("problem", json!({"contentType": "application/problem+json", "payload": of_http("Problem")}));
     for (call, request, headers, reply) in [
         (Call::Poses, of_http("OneOrMany"), None, "ReplyOrReplies"),

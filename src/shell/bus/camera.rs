@@ -8,6 +8,7 @@ use zenoh::sample::Sample;
 
 use super::keys::{Keys, Topic};
 use super::payload::bytes_of;
+use super::shared::is_shared;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::hub::{Answered, Arrival, Heard, Listener};
 use crate::shell::wire::from_json;
@@ -40,8 +41,8 @@ pub(super) fn arrival(sample: &Sample, max_bytes: usize) -> Result<Arrival, Faul
             .map_err(|fault| Fault { detail: format!("the attachment: {}", fault.detail), ..fault })?,
         None => FrameNote::default(),
     };
-    let payload = payload.clone();
-    Ok(Arrival::now(note, move || bytes_of(&payload)))
+    let (payload, is_shared) = (payload.clone(), is_shared(payload));
+    Ok(Arrival::now(note, move || bytes_of(&payload)).shared(is_shared))
 }
 
 /// Publishes what is heard of a camera until the service stops.

@@ -11,6 +11,8 @@ use crate::shell::store::check_name;
 pub const CAMERA: &str = "${prefix:**}/${group:*}/${node:*}/camera/${camera:*}/${topic:*}";
 /// What may be asked.
 pub const RPC: &str = "${prefix:**}/${group:*}/${node:*}/rpc/${call:*}";
+/// What a node tells of another's body.
+pub const BODY: &str = "${prefix:**}/${group:*}/${node:*}/body/${other:*}/${topic:*}";
 /// That a node is there.
 pub const ALIVE_NODE: &str = "${prefix:**}/@alive/${group:*}/${node:*}";
 /// That a node listens to a camera.
@@ -41,6 +43,29 @@ impl Topic {
             Self::Estimate => "estimate",
             Self::Track => "track",
             Self::Status => "status",
+        }
+    }
+}
+
+/// What a node tells of another's body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodyTopic {
+    /// Where its cameras see it.
+    Relative,
+    /// How that agrees with what the other says.
+    Agreement,
+}
+
+impl BodyTopic {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Relative, Self::Agreement];
+
+    /// Its place in the key.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Relative => "relative",
+            Self::Agreement => "agreement",
         }
     }
 }
@@ -90,6 +115,15 @@ pub struct CameraKey {
     pub camera: String,
 }
 
+/// A key of what a node tells of another's body, read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BodyKey {
+    /// The node that tells it.
+    pub node: String,
+    /// The other.
+    pub other: String,
+}
+
 /// All keys of a group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keys {
@@ -120,6 +154,14 @@ impl Keys {
         self.build(RPC, &[("node", node), ("call", call.name())])
     }
 
+    /// What a node tells of another's body; `*` is any node.
+    ///
+    /// # Errors
+    /// A name that is none.
+    pub fn body(&self, node: &str, other: &str, topic: BodyTopic) -> Result<KeyExpr<'static>, Fault> {
+        self.build(BODY, &[("node", node), ("other", other), ("topic", topic.name())])
+    }
+
     /// That a node is there.
     ///
     /// # Errors
@@ -139,13 +181,22 @@ impl Keys {
     /// Node and camera of a key under a camera; nothing if it is no such key, or if names in it are none.
     #[must_use]
     pub fn read_camera(&self, key: &keyexpr) -> Option<CameraKey> {
-        self.read(CAMERA, key)
+        let [node, camera] = self.read(CAMERA, key, ["node", "camera"])?;
+        Some(CameraKey { node, camera })
     }
 
     /// Node and camera of what tells that a node listens to a camera.
     #[must_use]
     pub fn read_alive_camera(&self, key: &keyexpr) -> Option<CameraKey> {
-        self.read(ALIVE_CAMERA, key)
+        let [node, camera] = self.read(ALIVE_CAMERA, key, ["node", "camera"])?;
+        Some(CameraKey { node, camera })
+    }
+
+    /// The nodes of a key of what one tells of the other's body.
+    #[must_use]
+    pub fn read_body(&self, key: &keyexpr) -> Option<BodyKey> {
+        let [node, other] = self.read(BODY, key, ["node", "other"])?;
+        Some(BodyKey { node, other })
     }
 
     fn build(&self, format: &str, parts: &[(&str, &str)]) -> Result<KeyExpr<'static>, Fault> {
@@ -163,14 +214,14 @@ impl Keys {
         Ok(key.into())
     }
 
-    fn read(&self, format: &str, key: &keyexpr) -> Option<CameraKey> {
+    fn read(&self, format: &str, key: &keyexpr, [first, second]: [&str; 2]) -> Option<[String; 2]> {
         let format = KeFormat::new(format).ok()?;
         let parsed = format.parse(key).ok()?;
         let name = |part: &str| parsed.get(part).ok().filter(|name| check_name(name).is_ok()).map(str::to_owned);
         if parsed.get("prefix").ok()? != self.prefix || parsed.get("group").ok()? != self.group {
             return None;
         }
-        Some(CameraKey { node: name("node")?, camera: name("camera")? })
+        Some([name(first)?, name(second)?])
     }
 }
 
@@ -190,6 +241,8 @@ mod tests {
         assert_eq!(text(keys.rpc("alpha", Call::Poses)), "skypose/v1/default/alpha/rpc/poses");
         assert_eq!(text(keys.alive_node("alpha")), "skypose/v1/@alive/default/alpha");
         assert_eq!(text(keys.alive_camera("alpha", "front")), "skypose/v1/@alive/default/alpha/front");
+        let body = keys.body("alpha", "beta", BodyTopic::Relative);
+        assert_eq!(text(body), "skypose/v1/default/alpha/body/beta/relative");
         assert_eq!(text(keys.camera("*", "*", Topic::Estimate)), "skypose/v1/default/*/camera/*/estimate");
     }
 
@@ -203,6 +256,11 @@ mod tests {
         }
         let key = keys.alive_camera(&found.node, &found.camera).expect("a key");
         assert_eq!(keys.read_alive_camera(&key), Some(found));
+        let found = BodyKey { node: "alpha".into(), other: "beta-2".into() };
+        for topic in BodyTopic::ALL {
+            let key = keys.body(&found.node, &found.other, topic).expect("a key");
+            assert_eq!((keys.read_body(&key), keys.read_camera(&key)), (Some(found.clone()), None));
+        }
     }
 
     #[test]

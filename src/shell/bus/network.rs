@@ -5,10 +5,14 @@ use std::path::Path;
 use zenoh::Session;
 use zenoh::config::{Config, EndPoint};
 
+use super::shared;
 use crate::shell::fault::{Fault, FaultKind};
 
 /// Protocols of endpoints; a text that begins otherwise is a path.
 const PROTOCOLS: [&str; 6] = ["tcp", "udp", "tls", "quic", "unixsock-stream", "serial"];
+
+/// Whether others are asked to share memory.
+const SHARED_MEMORY: &str = "transport/shared_memory/enabled";
 
 /// How an endpoint is meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,13 +23,13 @@ pub enum Role {
     Connect,
 }
 
-/// Joins the network.
+/// Joins the network. Shared memory is used where both the caller, or the file, and the limits of the process allow it.
 ///
 /// # Errors
 /// A file that is no configuration; an endpoint that is none, is taken or does not answer.
 pub async fn join(network: &str, role: Role, shared_memory: bool) -> Result<Session, Fault> {
-    let config = config(network, role, shared_memory)?;
-    zenoh::open(config).await.map_err(|error| {
+    let config = within_limits(config(network, role, shared_memory)?, shared::is_allowed())?;
+    zenoh::open(config).with_shm_clients(shared::storage()).await.map_err(|error| {
         let kind = if role == Role::Listen { FaultKind::Internal } else { FaultKind::Unreachable };
         // Without the place in its source that Zenoh tells.
         let text = error.to_string();
@@ -56,9 +60,21 @@ fn config(network: &str, role: Role, shared_memory: bool) -> Result<Config, Faul
         ("mode", mode),
         (place, list.as_str()),
         ("scouting/multicast/enabled", "false"),
-        ("transport/shared_memory/enabled", if shared_memory { "true" } else { "false" }),
+        (SHARED_MEMORY, if shared_memory { "true" } else { "false" }),
     ] {
         config.insert_json5(key, value).map_err(|error| senseless(&error))?;
+    }
+    Ok(config)
+}
+
+/// Without shared memory where the process may not lock it, whatever was asked for.
+fn within_limits(mut config: Config, is_allowed: bool) -> Result<Config, Fault> {
+    let failed = |error: zenoh::Error| Fault::new(FaultKind::Internal, error.to_string());
+    if !is_allowed && config.get_json(SHARED_MEMORY).map_err(failed)? == "true" {
+        tracing::info!(
+            "no shared memory with others: the process may lock too little (ulimit -l), payloads are copied"
+        );
+        config.insert_json5(SHARED_MEMORY, "false").map_err(failed)?;
     }
     Ok(config)
 }
@@ -88,5 +104,17 @@ mod tests {
             assert_eq!(fault.kind, FaultKind::Senseless, "{fault}");
         }
         assert!(config("tcp/127.0.0.1:0", Role::Connect, false).is_ok());
+    }
+
+    #[test]
+    fn memory_is_shared_where_it_is_wanted_and_allowed() {
+        for (wanted, allowed) in [(true, true), (true, false), (false, true), (false, false)] {
+            let config = config("tcp/127.0.0.1:0", Role::Listen, wanted).expect("well formed");
+            let config = within_limits(config, allowed).expect("known");
+            assert_eq!(config.get_json(SHARED_MEMORY).expect("known"), (wanted && allowed).to_string());
+        }
+        // A file that says nothing of it wants it.
+        let config = within_limits(Config::default(), false).expect("known");
+        assert_eq!(config.get_json(SHARED_MEMORY).expect("known"), "false");
     }
 }

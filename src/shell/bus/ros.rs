@@ -22,6 +22,7 @@ use zenoh::qos::{CongestionControl, Priority, Reliability};
 use zenoh::sample::{Sample, SampleKind};
 
 use super::payload::bytes_of;
+use super::shared::is_shared;
 use super::{House, failed};
 use crate::camera::Camera;
 use crate::shell::config::{RosCamera, RosForm, RosSettings};
@@ -187,7 +188,8 @@ impl Intake {
         }
         headers.push_back((timestamp_us, image.header));
         drop(headers);
-        Ok(Arrival::now(FrameNote { sequence, timestamp_us, ..FrameNote::default() }, move || data))
+        let note = FrameNote { sequence, timestamp_us, ..FrameNote::default() };
+        Ok(Arrival::now(note, move || data).shared(is_shared(sample.payload())))
     }
 
     /// The header of the picture that an estimate is of.

@@ -12,6 +12,8 @@ use super::Stop;
 #[cfg(feature = "zenoh")]
 use super::network::GroupArgs;
 use crate::shell::wire::EstimateReply;
+#[cfg(feature = "zenoh")]
+use crate::shell::wire::relative::AgreementWire;
 use crate::shell::wire::swarm::EstimateNote;
 
 pub(super) const EXAMPLES: &str = "Examples:
@@ -89,6 +91,27 @@ fn lines(head: &str, reply: &EstimateReply, note: Option<&EstimateNote>) -> Vec<
         )
     };
     reply.targets.iter().map(line).collect()
+}
+
+/// For people: how two nodes agree, and where the one has the other.
+#[cfg(feature = "zenoh")]
+fn compared(head: &str, agreement: &AgreementWire) -> String {
+    let AgreementWire { verdict, distance_squared, limit, apart_m, apart_rad, .. } = agreement;
+    let verdict = verdict.name().replace('_', " ");
+    let place = agreement.fused.as_ref().map_or_else(
+        || format!("{apart_m:.3} m and {:.1} deg apart", apart_rad.to_degrees()),
+        |fused| {
+            let [forward, right, down] = fused.translation_m;
+            let degrees = [fused.rotation.roll_rad, fused.rotation.pitch_rad, fused.rotation.yaw_rad].map(f64::to_degrees);
+            let [roll, pitch, yaw] = degrees;
+            format!(
+                "forward {forward:+.3}  right {right:+.3}  down {down:+.3} m  roll {roll:+.1}  pitch {pitch:+.1}  yaw {yaw:+.1} deg  \
+                 p {:.2}",
+                fused.probability
+            )
+        },
+    );
+    format!("{head}  {verdict}  {place}  (distance {distance_squared:.1} of {limit:.1})")
 }
 
 fn now_us() -> i64 {

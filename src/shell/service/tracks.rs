@@ -5,13 +5,14 @@ use std::collections::btree_map::Entry;
 use std::time::Duration;
 
 use crate::camera::Camera;
+use crate::encounter::Means;
 use crate::frame::Region;
 use crate::pipeline::TargetEstimate;
 use crate::pose::PoseAnswer;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::wire::track::{TrackWire, TracksWire};
 use crate::target::Target;
-use crate::track::{TrackError, TrackOptions, Tracker};
+use crate::track::{Track, TrackError, TrackOptions, Tracker};
 
 /// A stamp that is this much before the last one means that the camera's clock was set. One that is less before it is a frame that came
 /// late.
@@ -31,6 +32,23 @@ pub struct Tracks {
     shift: Duration,
     /// Those of the last frame.
     options: TrackOptions,
+}
+
+/// The tracks of one target after a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Followed {
+    /// The target.
+    pub target: String,
+    /// All of them, those that ended with the frame included.
+    pub tracks: Vec<Track>,
+}
+
+/// These as they are told, with what is left to do by these means.
+#[must_use]
+pub fn told(timestamp_us: i64, followed: &[Followed], means: Option<&Means>) -> TracksWire {
+    let tracks =
+        followed.iter().flat_map(|of| of.tracks.iter().map(|track| TrackWire::of(&of.target, track, means))).collect();
+    TracksWire { timestamp_us, tracks }
 }
 
 impl Tracks {
@@ -70,7 +88,7 @@ impl Tracks {
         targets: &[Target],
         found: &[TargetEstimate],
         options: &TrackOptions,
-    ) -> Result<Option<TracksWire>, Fault> {
+    ) -> Result<Option<Vec<Followed>>, Fault> {
         let internal = |error: TrackError| Fault::new(FaultKind::Internal, error.to_string());
         let stamp = stamp_of(timestamp_us);
         match self.last {
@@ -91,16 +109,16 @@ impl Tracks {
         if self.trackers.len() > MOST_TRACKERS {
             self.trackers.retain(|name, _| targets.iter().any(|target| target.name() == name));
         }
-        let mut tracks = Vec::new();
+        let mut followed = Vec::with_capacity(targets.len());
         for (place, target) in targets.iter().enumerate() {
             let tracker = match self.trackers.entry(target.name().to_owned()) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(place) => place.insert(Tracker::new(*options).map_err(internal)?),
             };
             let report = tracker.step(stamp, answers(place, found)).map_err(internal)?;
-            tracks.extend(report.tracks.iter().map(|track| TrackWire::of(target.name(), track)));
+            followed.push(Followed { target: target.name().to_owned(), tracks: report.tracks });
         }
-        Ok(Some(TracksWire { timestamp_us, tracks }))
+        Ok(Some(followed))
     }
 }
 
@@ -151,17 +169,18 @@ mod tests {
             let found = [seen(&targets[0], f64::from(step) * 0.05)];
             told = tracks.step(at(step), &targets, &found, &options).expect("steps");
         }
-        let told = told.expect("younger");
+        let told = super::told(at(29), &told.expect("younger"), None);
         let [track] = &told.tracks[..] else { panic!("{told:?}") };
         assert_eq!((track.life, track.seen_count, track.target.as_str()), (LifeName::Confirmed, 30, targets[0].name()));
         let speed = track.motion.closing_speed_mps.expect("told");
         assert!((speed.value - 2.0).abs() < 4.0 * speed.sigma.max(0.02), "{speed:?}");
         assert_eq!(tracks.step(at(29), &targets, &[], &options), Ok(None));
         let coasting = tracks.step(at(30), &targets, &[], &options).expect("steps").expect("younger");
-        assert_eq!(coasting.tracks[0].life, LifeName::Coasting);
+        assert_eq!(super::told(at(30), &coasting, None).tracks[0].life, LifeName::Coasting);
         // The clock was set back: the old track ends, and a new one begins.
         let found = [seen(&targets[0], 0.0)];
         let again = tracks.step(1_000, &targets, &found, &options).expect("steps").expect("a beginning");
+        let again = super::told(1_000, &again, None);
         let [ended, begun] = &again.tracks[..] else { panic!("{again:?}") };
         assert_eq!((ended.id, ended.life, ended.lost_because), (track.id, LifeName::Lost, Some(LossName::Gap)));
         assert_eq!((begun.seen_count, begun.id > ended.id), (1, true));
@@ -207,8 +226,8 @@ mod tests {
         let targets = [wing().target];
         let (mut tracks, options) = (Tracks::default(), TrackOptions::default());
         let found = [seen(&targets[0], 0.0)];
-        let life = |told: Result<Option<TracksWire>, Fault>| {
-            let told = told.expect("steps").expect("younger");
+        let life = |told: Result<Option<Vec<Followed>>, Fault>| {
+            let told = super::told(0, &told.expect("steps").expect("younger"), None);
             (told.tracks[0].id, told.tracks[0].life)
         };
         assert_eq!(life(tracks.step(1_000_000, &targets, &found, &options)), (0, LifeName::Tentative));

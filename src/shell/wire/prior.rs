@@ -4,7 +4,8 @@ use nalgebra::{Matrix6, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::geometry::{CameraFromTarget, PoseCovariance, rotation};
+use crate::geometry::space::Space;
+use crate::geometry::{CameraFromTarget, PoseCovariance, Transform, rotation};
 use crate::pose::PosePrior;
 use crate::shell::fault::Fault;
 
@@ -82,19 +83,30 @@ impl TryFrom<&PriorWire> for PosePrior {
 }
 
 fn predicted(wire: &PredictedWire) -> Result<(CameraFromTarget, PoseCovariance), Fault> {
-    let [x, y, z, w] = wire.rotation.quaternion_xyzw;
+    sound_pose(wire.rotation.quaternion_xyzw, wire.translation_m, &wire.covariance)
+}
+
+/// A pose with its covariance, if both are.
+///
+/// # Errors
+/// Names the field.
+pub(super) fn sound_pose<To: Space, From: Space>(
+    [x, y, z, w]: [f64; 4],
+    translation_m: [f64; 3],
+    covariance: &[[f64; 6]; 6],
+) -> Result<(Transform<To, From>, PoseCovariance), Fault> {
     let quaternion = Quaternion::new(w, x, y, z);
     // Written with six digits, a unit quaternion is one to some 1e-6.
     if !((quaternion.norm() - 1.0).abs() < 1e-3) {
         let detail = format!("a quaternion of length {}: a rotation has length 1", quaternion.norm());
         return Err(Fault::senseless("/rotation/quaternion_xyzw", detail));
     }
-    let translation = Vector3::from(wire.translation_m);
+    let translation = Vector3::from(translation_m);
     if !translation.iter().all(|x| x.abs() <= 1e6) {
         return Err(Fault::senseless("/translation_m", "three finite numbers within 1000000 are expected"));
     }
-    let covariance = PoseCovariance::checked(Matrix6::from_fn(|row, column| wire.covariance[row][column]))
+    let covariance = PoseCovariance::checked(Matrix6::from_fn(|row, column| covariance[row][column]))
         .ok_or_else(|| Fault::senseless("/covariance", "a symmetric positive definite matrix is expected"))?;
     let rotation = rotation::from_quaternion(&UnitQuaternion::new_normalize(quaternion));
-    Ok((CameraFromTarget::new(rotation, translation), covariance))
+    Ok((Transform::new(rotation, translation), covariance))
 }

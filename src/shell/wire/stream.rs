@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
 use super::pose::SolverName;
-use super::{DetectorWire, FrameRequest, Ref, TrackOptionsWire};
+use super::{ActOptionsWire, DetectorWire, FrameRequest, Ref, TrackOptionsWire};
 
 /// What is looked for in the frames that a camera sends, over Zenoh or HTTP.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
@@ -42,6 +42,10 @@ pub struct StreamWire {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<TrackOptionsWire>)]
     pub track: Option<Map<String, Value>>,
+    /// What our aircraft can do about an encounter; what is left out is as the settings of the service have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ActOptionsWire>)]
+    pub encounter: Option<Map<String, Value>>,
 }
 
 /// How much of a frame is searched.

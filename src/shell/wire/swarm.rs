@@ -103,6 +103,10 @@ pub struct CameraStatus {
     pub has_stream: bool,
     /// Frames that arrived.
     pub received: u64,
+    /// Those of them that came in shared memory, from this machine, and were not copied.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub shared: u64,
     /// Estimates that were published.
     pub published: u64,
     /// Frames that a newer one has replaced before their turn came.

@@ -4,7 +4,9 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::act::ToActWire;
 use super::pose::RotationWire;
+use crate::encounter::{Means, to_act};
 use crate::geometry::{Direction, Point};
 use crate::track::{Hypothesis, Life, Loss, NoApproach, Track, Uncertain};
 
@@ -39,6 +41,9 @@ pub struct TrackWire {
     pub motion: MotionWire,
     /// The others that the frames so far leave possible, by falling probability.
     pub alternatives: Vec<MotionWire>,
+    /// What is left to do about it, by the most probable motion; where our speed is known, and the track not over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_act: Option<ToActWire>,
 }
 
 /// Where a track stands in its life.
@@ -182,9 +187,11 @@ impl From<&Hypothesis> for MotionWire {
 }
 
 impl TrackWire {
-    /// A track of this target.
+    /// A track of this target, with what is left to do about it by these means.
     #[must_use]
-    pub fn of(target: &str, track: &Track) -> Self {
+    pub fn of(target: &str, track: &Track, means: Option<&Means>) -> Self {
+        let means = means.filter(|_| !track.is_lost());
+        let to_act = means.map(|means| ToActWire::of(&to_act(&track.best().motion, means), means));
         let (life, lost_because) = match track.life() {
             Life::Tentative => (LifeName::Tentative, None),
             Life::Confirmed => (LifeName::Confirmed, None),
@@ -209,6 +216,7 @@ impl TrackWire {
             coasted_count: track.coasted_count(),
             motion: track.best().into(),
             alternatives: track.alternatives().iter().map(Into::into).collect(),
+            to_act,
         }
     }
 }

@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use zenoh::Session;
-use zenoh::bytes::Encoding;
+use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
 use super::feed::Body;
 use crate::shell::bus::keys::{Keys, Topic};
+use crate::shell::bus::shared::Pool;
 use crate::shell::cli::network::connect;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::wire::frame::RawFormatName;
@@ -23,6 +24,7 @@ pub(super) struct Outlet {
     session: Session,
     frames: Publisher<'static>,
     sequence: u64,
+    pool: Pool,
 }
 
 impl Outlet {
@@ -47,7 +49,7 @@ impl Outlet {
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        Ok(Self { session, frames, sequence: 0 })
+        Ok(Self { session, frames, sequence: 0, pool: Pool::default() })
     }
 
     /// The key.
@@ -67,11 +69,11 @@ impl Outlet {
         let (bytes, encoding) = match body {
             Body::Encoded(bytes) => {
                 let encoding = encoding_of(&bytes);
-                (bytes, encoding)
+                (ZBytes::from(bytes), encoding)
             }
             Body::Rgb { width, height, bytes } => {
                 (note.width, note.height, note.format) = (Some(width), Some(height), Some(RawFormatName::Rgb8));
-                (bytes, Encoding::APPLICATION_OCTET_STREAM)
+                (self.pool.put(bytes), Encoding::APPLICATION_OCTET_STREAM)
             }
         };
         let note = serde_json::to_vec(&note).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;

@@ -14,6 +14,7 @@ pub struct Arrival {
     /// The bytes, made into one piece when the frame's turn has come.
     pub(super) frame: Box<dyn FnOnce() -> Bytes + Send>,
     pub(super) place: Place,
+    pub(super) is_shared: bool,
 }
 
 /// What is known of a frame beside its bytes.
@@ -27,7 +28,14 @@ pub(super) struct Place {
 impl Arrival {
     /// One that comes now.
     pub fn now(note: FrameNote, frame: impl FnOnce() -> Bytes + Send + 'static) -> Self {
-        Self { frame: Box::new(frame), place: Place { note, at: Instant::now(), at_us: now_us() } }
+        let place = Place { note, at: Instant::now(), at_us: now_us() };
+        Self { frame: Box::new(frame), place, is_shared: false }
+    }
+
+    /// One whose bytes lie in memory that is shared with who has sent it.
+    #[must_use]
+    pub fn shared(self, is_shared: bool) -> Self {
+        Self { is_shared, ..self }
     }
 }
 

@@ -111,7 +111,10 @@ impl Camera {
     /// Puts a frame in the place of one that still waits. True if nobody is at work: then the caller has to see to it.
     pub(super) fn put(&self, waiting: Waiting) -> bool {
         *self.heard.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
-        self.counted(|status| status.arrived(waiting.arrival.place.note.sequence));
+        self.counted(|status| {
+            status.arrived(waiting.arrival.place.note.sequence);
+            status.shared += u64::from(waiting.arrival.is_shared);
+        });
         let (before, was_at_work) = {
             let mut slot = self.slot();
             (slot.waiting.replace(waiting), std::mem::replace(&mut slot.is_at_work, true))
@@ -228,6 +231,17 @@ mod tests {
         assert!(camera.put(waiting(4).0), "nobody is at work again");
         let status = camera.counts();
         assert_eq!((status.received, status.published, status.replaced, status.lost), (3, 1, 1, 1));
+    }
+
+    #[test]
+    fn frames_in_shared_memory_are_counted_beside() {
+        let camera = Camera::new("front", 1 << 20);
+        for (sequence, is_shared) in [(1, true), (2, false), (3, true)] {
+            let (frame, _) = waiting(sequence);
+            camera.put(Waiting { arrival: frame.arrival.shared(is_shared), ..frame });
+        }
+        let status = camera.counts();
+        assert_eq!((status.received, status.shared), (3, 2));
     }
 
     #[test]

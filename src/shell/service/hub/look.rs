@@ -64,7 +64,7 @@ impl Service {
 
     /// What a frame shows whose turn it is.
     async fn look(&self, camera: &Camera, arrival: Arrival) -> Result<Answered, Fault> {
-        let Arrival { frame, place } = arrival;
+        let Arrival { frame, place, .. } = arrival;
         let deadline = place.deadline(self.settings.streams.max_age())?;
         let terms = Terms::of(&self.settings);
         let stream = self.stream(camera.name()).await?;
@@ -74,6 +74,7 @@ impl Service {
         // Before the frame is given to a worker: none of them waits for an earlier frame that takes too long.
         let memory = timeout_at(deadline.into(), Arc::clone(&camera.memory).lock_owned()).await;
         let mut memory = memory.map_err(|_| late("the frame was too old before the one before it was done"))?;
+        let track = task.track;
         let work = move || {
             // Should the work fail by a fault of ours, nothing half changed is left.
             let mut before = std::mem::take(&mut *memory);
@@ -87,6 +88,8 @@ impl Service {
             }
             done => done??,
         };
+        // A moment that is too old to be answered was seen nevertheless.
+        self.saw(camera.name(), taken_us, &std::mem::take(&mut seeing.followed), &track);
         if Instant::now() > deadline {
             return Err(late("the frame was too old when its estimate was there"));
         }

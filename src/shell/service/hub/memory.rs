@@ -8,7 +8,7 @@ use crate::frame::{Frame, Region};
 use crate::pipeline::Estimate;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::{FrameTask, Seen, Terms};
-use crate::shell::service::tracks::Tracks;
+use crate::shell::service::tracks::{Followed, Tracks, told};
 use crate::shell::wire::sighting::{TargetEstimateWire, Timing};
 use crate::shell::wire::stream::SearchName;
 
@@ -28,6 +28,8 @@ pub(super) struct Seeing {
     pub(super) timing: Timing,
     /// The same of the targets, for those who write it otherwise.
     pub(super) targets: Vec<TargetEstimateWire>,
+    /// The tracks themselves; none after a frame that was not younger than the last.
+    pub(super) followed: Vec<Followed>,
 }
 
 impl Memory {
@@ -39,16 +41,17 @@ impl Memory {
         taken_us: i64,
         terms: &Terms,
     ) -> Result<Seeing, Fault> {
-        let StreamTask { task, search, track } = stream;
+        let StreamTask { task, search, track, means } = stream;
         let part = match search {
             SearchName::Full => None,
             SearchName::Predicted => self.part(task, taken_us),
         };
         let (task, frame, estimate, timing) = self.estimated(frame, task, part, terms)?;
-        let tracks = self.tracks.step(taken_us, task.targets(), &estimate.targets, track)?;
+        let followed = self.tracks.step(taken_us, task.targets(), &estimate.targets, track)?;
+        let tracks = followed.as_ref().map(|followed| told(taken_us, followed, means.as_ref()));
         let reply = task.estimate_reply(&frame, &estimate, Some(&self.watch), timing);
         let (estimate, tracks) = (written(&reply)?, tracks.as_ref().map(written).transpose()?);
-        Ok(Seeing { estimate, tracks, timing, targets: reply.targets })
+        Ok(Seeing { estimate, tracks, timing, targets: reply.targets, followed: followed.unwrap_or_default() })
     }
 
     /// The part of the frame to be searched; nothing if all that may be has to be.

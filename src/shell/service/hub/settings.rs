@@ -1,5 +1,6 @@
 //! What is done with the frames of a stream.
 
+use crate::encounter::Means;
 use crate::shell::config::Settings;
 use crate::shell::fault::Fault;
 use crate::shell::service::compute::FrameTask;
@@ -15,6 +16,8 @@ pub(in crate::shell::service) struct StreamTask {
     pub(super) task: FrameTask,
     pub(super) search: SearchName,
     pub(super) track: TrackOptions,
+    /// What our aircraft can do; nothing where our speed is not known.
+    pub(super) means: Option<Means>,
 }
 
 impl StreamTask {
@@ -35,6 +38,11 @@ impl StreamTask {
             None => settings.track.options(),
         };
         let track = track.map_err(|fault| fault.within("/track"))?;
+        let means = match &stream.encounter {
+            Some(changes) => settings.encounter.with(changes).and_then(|options| options.means()),
+            None => settings.encounter.means(),
+        };
+        let means = means.map_err(|fault| fault.within("/encounter"))?;
         let request = FrameRequest {
             timestamp_us: note.timestamp_us,
             frame_index: note.sequence,
@@ -51,6 +59,6 @@ impl StreamTask {
             }
             task = task.of_sequence(name);
         }
-        Ok(Self { task, search, track })
+        Ok(Self { task, search, track, means })
     }
 }

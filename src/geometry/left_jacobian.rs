@@ -2,14 +2,15 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::geometry::rotation::cross_matrix;
+use super::rotation::cross_matrix;
 
 /// Below this squared angle the series is used; the terms left out are below rounding.
 const SMALL_SQUARED: f64 = 1e-4;
 
 /// `Exp(v + d) = Exp(J(v) d) Exp(v)` to first order in `d`.
 /// Sola, Deray and Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, equation 145.
-pub(super) fn left_jacobian(vector_rad: &Vector3<f64>) -> Matrix3<f64> {
+#[must_use]
+pub fn left_jacobian(vector_rad: &Vector3<f64>) -> Matrix3<f64> {
     let squared = vector_rad.norm_squared();
     let (versine_ratio, rest_ratio) = if squared < SMALL_SQUARED {
         (0.5 - squared / 24.0 * (1.0 - squared / 30.0), 1.0 / 6.0 - squared / 120.0 * (1.0 - squared / 42.0))
@@ -24,7 +25,8 @@ pub(super) fn left_jacobian(vector_rad: &Vector3<f64>) -> Matrix3<f64> {
 
 /// The inverse of [`left_jacobian`], for angles up to half a turn: `Log(Exp(d) Exp(v)) = v + J(v)^-1 d` to first order.
 /// Equation 146 there, with the half angle's cotangent so that half a turn is no special case.
-pub(super) fn left_jacobian_inverse(vector_rad: &Vector3<f64>) -> Matrix3<f64> {
+#[must_use]
+pub fn left_jacobian_inverse(vector_rad: &Vector3<f64>) -> Matrix3<f64> {
     let squared = vector_rad.norm_squared();
     let ratio = if squared < SMALL_SQUARED {
         1.0 / 12.0 + squared / 720.0 * (1.0 + squared / 42.0)
