@@ -68,7 +68,8 @@ impl RelativeState {
     /// How fast that shrinks, m/s: `-(p . v) / |p|`. Negative where it grows.
     #[must_use]
     pub fn closing_speed_mps(&self) -> f64 {
-        -self.position_m.dot(&self.velocity_mps) / self.range_m()
+        // No minus before a zero.
+        (0.0 - self.position_m.dot(&self.velocity_mps)) / self.range_m()
     }
 
     /// When they are nearest, and how near. `None` where they do not come nearer than they are.

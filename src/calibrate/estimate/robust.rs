@@ -62,7 +62,7 @@ pub(super) struct Fit {
     /// Robust noise ratio.
     pub scale: f64,
     /// The same, px.
-    scale_px: f64,
+    pub scale_px: f64,
 }
 
 fn robust_fit_from(bundle: &Bundle<'_>, camera: &Camera, poses: Vec<Option<CameraFromBoard>>) -> Option<Fit> {

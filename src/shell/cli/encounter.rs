@@ -205,17 +205,29 @@ fn write(path: &std::path::Path, text: &str) -> Result<(), Fault> {
     std::fs::write(path, text).map_err(|error| unwritable(path, &error))
 }
 
+/// Where an azimuth is, in whole degrees.
+fn aside(azimuth_rad: f64) -> String {
+    let degrees = azimuth_rad.to_degrees().round();
+    if degrees > 0.0 {
+        format!("{degrees}° to the right")
+    } else if degrees < 0.0 {
+        format!("{}° to the left", -degrees)
+    } else {
+        "straight ahead".to_owned()
+    }
+}
+
 /// For people: what it comes to, then the numbers in degrees and knots.
 fn text(reply: &EncounterReply) -> String {
     let kn = |speed_mps: f64| speed_mps / KNOT_MPS;
     let mut lines = vec![
         format!(
-            "Our speed {:.0} kn, the intruder's {:.0} kn, closing at {:.1} m/s ({:.0} kn); it is seen at an azimuth of {:.0}°.",
+            "Our speed {:.0} kn, the intruder's {:.0} kn, closing at {:.1} m/s ({:.0} kn); it is seen {}.",
             kn(reply.own_speed_mps),
             kn(reply.intruder_speed_mps),
             reply.closing_speed_mps,
             kn(reply.closing_speed_mps),
-            reply.azimuth_rad.to_degrees()
+            aside(reply.azimuth_rad)
         ),
         format!(
             "The turn has a radius of {:.0} m at {:.1}°/s and {:.2} g, its bank after {:.2} s.",
