@@ -244,6 +244,31 @@ async fn a_guarded_router_lets_each_do_what_is_its_own() {
     let ground = papers.open(port, "ground").await.expect("comes in");
     let nobody = papers.open(port, "mallory").await.expect("has a certificate of ours");
     assert_each_has_its_own(&camera, &ground, &nobody).await;
+    // What nodes tell of each other's bodies is for nodes and ground stations, and each speaks in its own name.
+    let alpha = papers.open(port, "alpha").await.expect("comes in");
+    let (at_ground, at_alpha) = (bodies(&ground, "*", "*").await, bodies(&alpha, "*", "alpha").await);
+    let start = Instant::now();
+    loop {
+        send(&alpha, "body/beta/relative", "{}", 0).await;
+        if next(&at_ground).await.is_some() {
+            break;
+        }
+        assert!(start.elapsed() < SOON, "the ground station does not hear of bodies");
+    }
+    for forger in [&ground, &camera, &nobody, &alpha] {
+        forger
+            .put("skypose/v1/default/beta/body/alpha/relative", "{}")
+            .allowed_destination(Locality::Remote)
+            .await
+            .expect("sends");
+    }
+    assert!(next(&at_alpha).await.is_none() && next(&at_ground).await.is_none(), "somebody spoke for beta");
+}
+
+/// What a node says of another's body.
+async fn bodies(session: &Session, node: &str, other: &str) -> Listener {
+    let key = format!("skypose/v1/default/{node}/body/{other}/relative");
+    session.declare_subscriber(key).await.expect("listens")
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

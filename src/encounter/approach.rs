@@ -24,8 +24,9 @@ pub struct Approach {
 /// Relative speeds below this share of a metre a second are none.
 const LEAST_SPEED_MPS: f64 = 1e-9;
 
-/// Farthest place and fastest motion that are taken, m and m/s.
-const MOST: f64 = 1e6;
+/// Farthest place that is taken, m, and fastest motion, m/s: that of two of the fastest aircraft against each other. What is reckoned
+/// from numbers at the limit may round beyond it.
+const MOST: [f64; 2] = [1e6 * (1.0 + 1e-9), 2e6 * (1.0 + 1e-9)];
 
 impl RelativeState {
     /// The intruder's position less ours, m, and its velocity less ours, m/s.
@@ -33,10 +34,12 @@ impl RelativeState {
     /// # Errors
     /// Names the number that is not finite or beyond all aircraft, or says that both are at one place.
     pub fn checked(position_m: Vector3<f64>, velocity_mps: Vector3<f64>) -> Result<Self, EncounterError> {
-        for (field, vector) in [("position_m", &position_m), ("velocity_mps", &velocity_mps)] {
+        for ((field, vector), max) in
+            [("position_m", &position_m), ("velocity_mps", &velocity_mps)].into_iter().zip(MOST)
+        {
             for (axis, &value) in vector.iter().enumerate() {
-                if !(value.abs() <= MOST) {
-                    return Err(EncounterError::Coordinate { field, axis, value, max: MOST });
+                if !(value.abs() <= max) {
+                    return Err(EncounterError::Coordinate { field, axis, value, max });
                 }
             }
         }
@@ -68,7 +71,8 @@ impl RelativeState {
     /// How fast that shrinks, m/s: `-(p . v) / |p|`. Negative where it grows.
     #[must_use]
     pub fn closing_speed_mps(&self) -> f64 {
-        -self.position_m.dot(&self.velocity_mps) / self.range_m()
+        // No minus before a zero.
+        (0.0 - self.position_m.dot(&self.velocity_mps)) / self.range_m()
     }
 
     /// When they are nearest, and how near. `None` where they do not come nearer than they are.

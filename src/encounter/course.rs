@@ -92,7 +92,10 @@ impl Course {
     /// The intruder's velocity along our level axes, m/s.
     #[must_use]
     pub fn intruder_velocity_mps(&self) -> Vector3<f64> {
-        Vector3::new(self.heading_rad.cos(), self.heading_rad.sin(), 0.0) * self.intruder_speed_mps
+        // Half a turn has a sine of 1.2e-16 in floating point: straight ahead is to be straight ahead.
+        let [along, across] = [self.heading_rad.cos(), self.heading_rad.sin()];
+        let exact = |part: f64| if part.abs() < 1e-15 { 0.0 } else { part };
+        Vector3::new(exact(along), exact(across), 0.0) * self.intruder_speed_mps
     }
 
     /// The same less ours.

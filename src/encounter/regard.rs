@@ -78,7 +78,7 @@ const GRID: [u32; 2] = [360, 120];
 const PATCHES: [u32; 2] = [96, 72];
 
 /// Points along each side of the picture's rim.
-const RIM: u32 = 40;
+const RIM: u32 = 12;
 
 /// Coarse step in which an end of the picture is looked for, rad.
 const STEP_RAD: f64 = PI / 360.0;

@@ -180,7 +180,8 @@ impl Question {
                 let room = Room { longest_s, range_m: longest_s * course.closing_speed_mps() };
                 let range_m = match range_m {
                     Some(range_m) => positive("range_m", range_m)?,
-                    None => room.range_m.clamp(1.0, FARTHEST_M),
+                    None if course.closing_speed_mps() > 0.0 => room.range_m.clamp(1.0, FARTHEST_M),
+                    None => self.airspace.size_m()[0],
                 };
                 let state = match course.at_range(range_m) {
                     Some(state) => state,

@@ -176,7 +176,7 @@ async fn extremes_have_finite_answers() {
         json!({"own_speed_mps": 1e-6, "miss_distance_m": 1e6}),
         json!({"own_speed_mps": 1e6, "intruder_speed_mps": 1e-6}),
         json!({"bank_rad": 1e-12}),
-        json!({"bank_rad": FRAC_PI_2 - 1e-6}),
+        json!({"bank_rad": FRAC_PI_2 - 1e-5}),
         json!({"max_turn_rad": 1e-9, "range_m": 1e6}),
         json!({"roll_rate_radps": 1e-6}),
         json!({"target_width_m": 1e6, "range_m": 153}),
