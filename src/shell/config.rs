@@ -2,7 +2,10 @@
 //! at once.
 
 mod load;
+mod mavlink;
+mod ros;
 mod swarm;
+mod zenoh;
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -14,11 +17,14 @@ use serde::{Deserialize, Serialize};
 use crate::frame::Limits;
 use crate::identify::IdentifyOptions;
 use crate::pipeline;
-use crate::shell::store::{address_problem, check_name};
+use crate::shell::store::address_problem;
 use crate::shell::wire::{ActOptionsWire, TrackOptionsWire};
 
 pub use load::{SettingFault, load};
+pub use mavlink::{MavlinkMessage, MavlinkSettings};
+pub use ros::{RosCamera, RosForm, RosSettings};
 pub use swarm::{SwarmBody, SwarmCamera, SwarmSettings};
+pub use zenoh::ZenohSettings;
 
 /// All settings. `deploy/skypose.toml` lists them with their defaults and reasons.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
@@ -370,216 +376,6 @@ impl StreamSettings {
     }
 }
 
-/// The swarm side.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ZenohSettings {
-    /// An endpoint to listen on as a peer, or a Zenoh configuration file; empty is no Zenoh.
-    pub network: String,
-    /// What all keys begin with.
-    pub prefix: String,
-    /// The group of nodes that this one belongs to.
-    pub group: String,
-    /// The node's name; empty takes the machine's.
-    pub node: String,
-    /// Queries being answered at a time; further ones are refused.
-    pub max_queries: usize,
-    /// Shared memory with others on this machine, where an endpoint is given and the process may lock it; a file says it itself.
-    pub shared_memory: bool,
-}
-
-impl Default for ZenohSettings {
-    fn default() -> Self {
-        Self {
-            network: String::new(),
-            prefix: "skypose/v1".into(),
-            group: "default".into(),
-            node: String::new(),
-            max_queries: 16,
-            shared_memory: true,
-        }
-    }
-}
-
-impl ZenohSettings {
-    /// The node's name, or else the machine's.
-    #[must_use]
-    pub fn node_name(&self) -> String {
-        if self.node.is_empty() { machine_name() } else { self.node.clone() }
-    }
-}
-
-/// The machine's name as a node's, as far as it can be one.
-fn machine_name() -> String {
-    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    let is_good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
-    let name: String = name.trim().chars().map(|c| if is_good(c) { c } else { '-' }).collect();
-    let name: String = name.trim_start_matches(|c: char| !c.is_ascii_alphanumeric()).chars().take(64).collect();
-    if name.is_empty() { "node".into() } else { name }
-}
-
-/// Robots that speak ROS 2, on the network of [`ZenohSettings`].
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RosSettings {
-    /// How ROS comes to the network.
-    pub form: RosForm,
-    /// `ROS_DOMAIN_ID`, for `rmw_zenoh`.
-    pub domain: u32,
-    /// Whether the hash of a type is in its keys, for `rmw_zenoh`: from Iron on. Humble has none.
-    pub type_hash: bool,
-    /// Name of our node in the graph of ROS, for `rmw_zenoh`.
-    pub node: String,
-    /// The cameras.
-    pub cameras: Vec<RosCamera>,
-}
-
-/// How ROS 2 comes to a Zenoh network.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RosForm {
-    /// Its nodes speak Zenoh themselves.
-    #[default]
-    RmwZenoh,
-    /// Its nodes speak DDS, and `zenoh-bridge-ros2dds` stands between.
-    Bridge,
-}
-
-/// A camera that ROS has.
-#[derive(Clone, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct RosCamera {
-    /// Name of the stream that says what is looked for in its frames.
-    pub camera: String,
-    /// Topic of its frames, `sensor_msgs/msg/CompressedImage`.
-    pub image: String,
-    /// Topic of its intrinsics, `sensor_msgs/msg/CameraInfo`; empty where the stored camera counts alone.
-    #[serde(default)]
-    pub camera_info: String,
-    /// Topic of the poses, `geometry_msgs/msg/PoseWithCovarianceStamped`; `{target}` in it stands for the target's name.
-    pub pose: String,
-    /// The coordinate system of the poses; empty is that of the frames.
-    #[serde(default)]
-    pub frame_id: String,
-}
-
-impl Default for RosSettings {
-    fn default() -> Self {
-        Self { form: RosForm::RmwZenoh, domain: 0, type_hash: true, node: "skypose".into(), cameras: Vec::new() }
-    }
-}
-
-impl RosSettings {
-    fn faults(&self, network: &str, need: &mut impl FnMut(bool, &str, &str)) {
-        need(self.domain <= 232, "ros.domain", "must be at most 232");
-        let node = format!("/{}", self.node);
-        need(
-            is_topic(&node) && !self.node.contains('/'),
-            "ros.node",
-            "must be letters, digits and '_', no digit first",
-        );
-        need(self.cameras.is_empty() || !network.is_empty(), "ros.cameras", "need a network: zenoh.network is empty");
-        for (index, camera) in self.cameras.iter().enumerate() {
-            let is_second = |of: fn(&RosCamera) -> &str| self.cameras[..index].iter().any(|c| of(c) == of(camera));
-            need(check_name(&camera.camera).is_ok(), "ros.cameras.camera", NAME);
-            need(!is_second(|c| &c.camera), "ros.cameras.camera", "must not be named twice");
-            need(!is_second(|c| &c.image), "ros.cameras.image", "must not be named twice");
-            need(is_topic(&camera.image), "ros.cameras.image", TOPIC);
-            need(camera.camera_info.is_empty() || is_topic(&camera.camera_info), "ros.cameras.camera_info", TOPIC);
-            need(is_topic(&camera.pose.replace("{target}", "target")), "ros.cameras.pose", TOPIC);
-            let is_frame = camera.frame_id.len() <= 255 && !camera.frame_id.contains(char::is_control);
-            need(is_frame, "ros.cameras.frame_id", "must be at most 255 bytes of text");
-        }
-    }
-}
-
-/// What a topic must be.
-const TOPIC: &str =
-    "must be a topic as /front/image_raw/compressed: a slash before each part, letters, digits and '_', no digit first";
-
-/// Whether this is the full name of a topic.
-fn is_topic(name: &str) -> bool {
-    let is_part = |part: &str| {
-        part.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
-            && part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-    };
-    name.len() <= 255 && name.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_part))
-}
-
-/// Ground stations and autopilots, by MAVLink 2 over UDP.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct MavlinkSettings {
-    /// Address and port to which is sent; empty is nobody.
-    pub address: String,
-    /// The vehicle that carries us.
-    pub system_id: u8,
-    /// Our number on it.
-    pub component_id: u8,
-    /// What tells where a target is.
-    pub message: MavlinkMessage,
-    /// Name of the stream whose targets are told.
-    pub camera: String,
-    /// Roll, pitch and yaw of the camera on the vehicle; all zero looks forward.
-    pub camera_turned_rad: [f64; 3],
-    /// Place of the camera on the vehicle: forward, right, down.
-    pub camera_position_m: [f64; 3],
-    /// Time between two heartbeats.
-    pub heartbeat_ms: u64,
-}
-
-/// What tells where a target is.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum MavlinkMessage {
-    /// `LANDING_TARGET`: autopilots know it.
-    #[default]
-    LandingTarget,
-    /// `ODOMETRY`: with the covariance. An autopilot would take it for its own pose.
-    Odometry,
-}
-
-impl Default for MavlinkSettings {
-    fn default() -> Self {
-        Self {
-            address: String::new(),
-            system_id: 1,
-            component_id: 191,
-            message: MavlinkMessage::LandingTarget,
-            camera: "front".into(),
-            camera_turned_rad: [0.0; 3],
-            camera_position_m: [0.0; 3],
-            heartbeat_ms: 1000,
-        }
-    }
-}
-
-impl MavlinkSettings {
-    /// Where is sent to; nothing where nobody is.
-    #[must_use]
-    pub fn receiver(&self) -> Option<SocketAddr> {
-        self.address.parse().ok()
-    }
-
-    /// Time between two heartbeats.
-    #[must_use]
-    pub const fn heartbeat(&self) -> Duration {
-        Duration::from_millis(self.heartbeat_ms)
-    }
-
-    fn faults(&self, need: &mut impl FnMut(bool, &str, &str)) {
-        let is_address = self.address.is_empty() || self.receiver().is_some_and(|address| address.port() > 0);
-        need(is_address, "mavlink.address", "must be an address and a port as 192.168.1.20:14550, or empty");
-        need(self.system_id > 0, "mavlink.system_id", "must be from 1 to 255");
-        need(self.component_id > 0, "mavlink.component_id", "must be from 1 to 255");
-        need(check_name(&self.camera).is_ok(), "mavlink.camera", NAME);
-        let is_within = |most: f64, values: [f64; 3]| values.iter().all(|value| value.abs() <= most);
-        need(is_within(6.3, self.camera_turned_rad), "mavlink.camera_turned_rad", "must be from -6.3 to 6.3 each");
-        need(is_within(1000.0, self.camera_position_m), "mavlink.camera_position_m", "must be from -1000 to 1000 each");
-        need((100..=60_000).contains(&self.heartbeat_ms), "mavlink.heartbeat_ms", "must be from 100 to 60000");
-    }
-}
-
 /// What is logged, to standard error.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
@@ -665,13 +461,8 @@ impl Settings {
         need((100..=3_600_000).contains(&streams.status_ms), "streams.status_ms", "must be from 100 to 3600000");
         need(streams.kept_bytes <= 1 << 30, "streams.kept_bytes", "must be at most 1073741824");
         need((1..=65_536).contains(&streams.max_readers), "streams.max_readers", "must be from 1 to 65536");
-        let zenoh = &self.zenoh;
-        need((1..=1024).contains(&zenoh.max_queries), "zenoh.max_queries", "must be from 1 to 1024");
-        need(check_name(&zenoh.group).is_ok(), "zenoh.group", NAME);
-        need(zenoh.node.is_empty() || check_name(&zenoh.node).is_ok(), "zenoh.node", NAME);
-        let is_prefix = zenoh.prefix.split('/').all(|part| check_name(part).is_ok());
-        need(is_prefix && zenoh.prefix.len() <= 256, "zenoh.prefix", "must be names with slashes between");
-        self.ros.faults(&zenoh.network, &mut need);
+        self.zenoh.faults(&mut need);
+        self.ros.faults(&self.zenoh.network, &mut need);
         self.mavlink.faults(&mut need);
         self.swarm.faults(&mut need);
         if let Err(fault) = self.track.options() {
@@ -691,15 +482,5 @@ impl Settings {
             faults.push(SettingFault { setting: "log.level".into(), problem: error.to_string() });
         }
         faults
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_machine_has_a_name() {
-        assert!(check_name(&machine_name()).is_ok());
     }
 }
