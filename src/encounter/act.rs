@@ -32,23 +32,26 @@ pub enum ToAct {
         /// The turn.
         turn: LatestTurn,
     },
-    /// It goes away, or passes far enough without a turn.
+    /// It goes away, or passes far enough without a turn, by two deviations at least.
     NoConflict,
     /// It is inside the miss distance, or no such turn leads so far.
     TooLate,
-    /// Whether it comes nearer is not known yet, or not at what speed.
+    /// Whether it comes nearer is not known yet, or not at what speed, or not whether it passes far enough.
     Undetermined,
 }
+
+/// It passes far enough if it does by so many deviations.
+const SURE: f64 = 2.0;
 
 /// What is left to do about a target that moves so against our camera, if its velocity against ours stays as it is. The camera must not
 /// turn: what it does itself is in the motion.
 #[must_use]
 pub fn to_act(motion: &Motion, means: &Means) -> ToAct {
-    match motion.closest_approach() {
+    let passes_m = match motion.closest_approach() {
         Err(NoApproach::Receding { .. }) => return ToAct::NoConflict,
         Err(NoApproach::Undetermined { .. }) => return ToAct::Undetermined,
-        Ok(_) => {}
-    }
+        Ok(approach) => approach.miss_m,
+    };
     let turn = means.body_from_camera;
     let place = turn * motion.camera_from_target().translation;
     let Ok(state) = RelativeState::checked(place, turn * motion.velocity_mps()) else { return ToAct::Undetermined };
@@ -62,7 +65,11 @@ pub fn to_act(motion: &Motion, means: &Means) -> ToAct {
                 ToAct::Undetermined
             }
         }
-        Err(NoTurn::NeverClosing { .. } | NoTurn::NotNeeded { .. }) => ToAct::NoConflict,
+        Err(NoTurn::NeverClosing { .. }) => ToAct::NoConflict,
+        Err(NoTurn::NotNeeded { .. }) => {
+            let is_sure = passes_m.value - SURE * passes_m.sigma >= means.manoeuvre.miss_distance_m();
+            if is_sure { ToAct::NoConflict } else { ToAct::Undetermined }
+        }
         Err(NoTurn::InsideMissDistance { .. } | NoTurn::Unreachable { .. }) => ToAct::TooLate,
     }
 }
@@ -194,6 +201,26 @@ mod tests {
         assert!(count > 150, "{count} {others}");
         // Three deviations of a mean of squares of so many normal variables are 0.25; first order and the track's own few percent beside.
         assert!((0.65..1.35).contains(&mean) && (0.9..0.985).contains(&inside), "{mean} {inside}");
+    }
+
+    #[test]
+    fn what_may_still_come_too_near_is_no_case_of_no_conflict() {
+        let means = means();
+        let (mut calm, mut wrong, mut open) = (0_u32, 0_u32, 0_u32);
+        for index in 0..200 {
+            let mut rng = case("grazing", index);
+            // Its course passes at about the miss distance of 2 m.
+            let place = Vector3::new(rng.random_range(1.6..2.4), 0.0, rng.random_range(18.0..24.0));
+            let velocity = Vector3::new(0.0, 0.0, -rng.random_range(4.5..6.0));
+            let Some([found, truth]) = flown(&mut rng, place, velocity, &means) else { continue };
+            calm += u32::from(found == ToAct::NoConflict);
+            wrong += u32::from(found == ToAct::NoConflict && truth != ToAct::NoConflict);
+            open += u32::from(found == ToAct::Undetermined);
+        }
+        println!("no conflict {calm}, of them wrong {wrong}, undetermined {open}");
+        // Two deviations on one side are 2.3 %.
+        assert!(calm > 20 && open > 10, "{calm} {open}");
+        assert!(f64::from(wrong) <= 0.05 * f64::from(calm), "{wrong} of {calm}");
     }
 
     #[test]

@@ -10,7 +10,8 @@ use crate::track::Uncertain;
 /// The last moment for the turn, from now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLeft {
-    /// Until the turn has to begin, s; negative where it should have begun.
+    /// Until the turn has to begin, s; negative where it should have begun. Its deviation is infinite where there is no such moment for
+    /// any state near by.
     pub time_s: Uncertain,
     /// The turn.
     pub turn: LatestTurn,
@@ -50,7 +51,7 @@ pub fn time_left(
             (Some(ahead), Some(behind)) => (ahead - behind) / (2.0 * size),
             (Some(ahead), None) => (ahead - value) / size,
             (None, Some(behind)) => (value - behind) / size,
-            (None, None) => 0.0,
+            (None, None) => return Ok(TimeLeft { time_s: Uncertain { value, sigma: f64::INFINITY }, turn }),
         };
     }
     let sigma = slope.dot(&(covariance * slope)).max(0.0).sqrt();

@@ -132,9 +132,9 @@ pub enum ToActName {
     InTime,
     /// The last moment is past, the target is inside the miss distance, or no such turn leads so far.
     TooLate,
-    /// The target goes away, or passes outside of the miss distance without a turn.
+    /// The target goes away, or passes outside of the miss distance without a turn, by two deviations at least.
     NoConflict,
-    /// Whether it comes nearer is not known yet, or not at what speed.
+    /// Whether it comes nearer is not known yet, or not at what speed, or not whether it passes far enough.
     Undetermined,
 }
 
