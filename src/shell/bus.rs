@@ -17,6 +17,8 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use tokio::runtime::Handle;
 use tokio::task::JoinHandle;
 use zenoh::Session;
@@ -51,13 +53,16 @@ impl Bus {
     ///
     /// # Errors
     /// If that is not possible.
-    pub async fn open(service: Arc<Service>) -> Result<Option<Self>, Fault> {
-        let settings = &service.settings().zenoh;
-        if settings.network.is_empty() {
-            return Ok(None);
+    pub fn open(service: Arc<Service>) -> BoxFuture<'static, Result<Option<Self>, Fault>> {
+        async move {
+            let settings = &service.settings().zenoh;
+            if settings.network.is_empty() {
+                return Ok(None);
+            }
+            let session = join(&settings.network, Role::Listen, settings.shared_memory).await?;
+            Self::on(session, service).await.map(Some)
         }
-        let session = join(&settings.network, Role::Listen, settings.shared_memory).await?;
-        Self::on(session, service).await.map(Some)
+        .boxed()
     }
 
     /// On a session that is open.
@@ -88,11 +93,14 @@ impl Bus {
     }
 
     /// Waits until the service is told to stop and what is declared is taken back; then leaves the network.
-    pub async fn closed(self) {
-        let _ = self.living.await;
-        if let Err(error) = self.session.close().await {
-            tracing::debug!(%error, "the network was not left in order");
+    pub fn closed(self) -> BoxFuture<'static, ()> {
+        async move {
+            let _ = self.living.await;
+            if let Err(error) = self.session.close().await {
+                tracing::debug!(%error, "the network was not left in order");
+            }
         }
+        .boxed()
     }
 }
 

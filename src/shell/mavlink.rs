@@ -10,6 +10,8 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use tokio::net::UdpSocket;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinHandle;
@@ -37,17 +39,21 @@ impl Mavlink {
     ///
     /// # Errors
     /// If no socket can be had.
-    pub async fn open(service: &Arc<Service>) -> Result<Option<Self>, Fault> {
-        let settings = service.settings().mavlink.clone();
-        let Some(receiver) = settings.receiver() else { return Ok(None) };
-        let own: SocketAddr =
-            if receiver.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0_u16, 0, 0, 0, 0, 0, 0, 0], 0).into() };
-        let failed = |error: std::io::Error| Fault::new(FaultKind::Internal, format!("MAVLink to {receiver}: {error}"));
-        let socket = UdpSocket::bind(own).await.map_err(failed)?;
-        tracing::info!(%receiver, camera = %settings.camera, "MAVLink");
-        let sender = Sender::new(socket, receiver, &settings);
-        let sending = tokio::spawn(live(Arc::clone(service), settings, sender));
-        Ok(Some(Self { sending }))
+    pub fn open(service: &Arc<Service>) -> BoxFuture<'_, Result<Option<Self>, Fault>> {
+        async move {
+            let settings = service.settings().mavlink.clone();
+            let Some(receiver) = settings.receiver() else { return Ok(None) };
+            let own: SocketAddr =
+                if receiver.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0_u16, 0, 0, 0, 0, 0, 0, 0], 0).into() };
+            let failed =
+                |error: std::io::Error| Fault::new(FaultKind::Internal, format!("MAVLink to {receiver}: {error}"));
+            let socket = UdpSocket::bind(own).await.map_err(failed)?;
+            tracing::info!(%receiver, camera = %settings.camera, "MAVLink");
+            let sender = Sender::new(socket, receiver, &settings);
+            let sending = tokio::spawn(live(Arc::clone(service), settings, sender));
+            Ok(Some(Self { sending }))
+        }
+        .boxed()
     }
 
     /// Waits until the service is told to stop.

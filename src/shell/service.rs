@@ -18,6 +18,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use serde_json::json;
 use tokio::sync::OwnedMutexGuard;
 
@@ -67,27 +69,33 @@ impl Service {
     ///
     /// # Errors
     /// If the store cannot be opened or a thread cannot be started.
-    pub async fn start(settings: Settings) -> Result<Self, Fault> {
-        let calibrations = CalibrationKind { limits: settings.frames.limits() };
-        let recorded =
-            RecordedTerms { terms: Terms::of(&settings), max_unpacked_bytes: settings.jobs.max_upload_bytes };
-        let evaluations = EvaluationKind { recorded };
-        Self::with_kinds(settings, vec![Arc::new(calibrations), Arc::new(evaluations)]).await
+    pub fn start(settings: Settings) -> BoxFuture<'static, Result<Self, Fault>> {
+        async move {
+            let calibrations = CalibrationKind { limits: settings.frames.limits() };
+            let recorded =
+                RecordedTerms { terms: Terms::of(&settings), max_unpacked_bytes: settings.jobs.max_upload_bytes };
+            let evaluations = EvaluationKind { recorded };
+            Self::with_kinds(settings, vec![Arc::new(calibrations), Arc::new(evaluations)]).await
+        }
+        .boxed()
     }
 
     /// The same with these kinds of jobs.
     ///
     /// # Errors
     /// If the store cannot be opened or a thread cannot be started.
-    pub async fn with_kinds(settings: Settings, kinds: Vec<Arc<dyn Kind>>) -> Result<Self, Fault> {
-        let store = Store::connect(&settings.store).await?;
-        let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
-        let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
-        let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
-        let (hub, node) = (Hub::new(&settings.streams), settings.zenoh.node_name());
-        let told = broadcast::Sender::new(told::MOST_WAITING);
-        let swarm = Swarm::new(&settings.swarm);
-        Ok(Self { settings, store, workers, sequences, hub, node, jobs, known: Arc::default(), told, swarm })
+    pub fn with_kinds(settings: Settings, kinds: Vec<Arc<dyn Kind>>) -> BoxFuture<'static, Result<Self, Fault>> {
+        async move {
+            let store = Store::connect(&settings.store).await?;
+            let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
+            let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
+            let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
+            let (hub, node) = (Hub::new(&settings.streams), settings.zenoh.node_name());
+            let told = broadcast::Sender::new(told::MOST_WAITING);
+            let swarm = Swarm::new(&settings.swarm);
+            Ok(Self { settings, store, workers, sequences, hub, node, jobs, known: Arc::default(), told, swarm })
+        }
+        .boxed()
     }
 
     /// The settings.

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use zenoh::Session;
 use zenoh::config::{Config, EndPoint};
 
@@ -27,15 +29,18 @@ pub enum Role {
 ///
 /// # Errors
 /// A file that is no configuration; an endpoint that is none, is taken or does not answer.
-pub async fn join(network: &str, role: Role, shared_memory: bool) -> Result<Session, Fault> {
-    let config = within_limits(config(network, role, shared_memory)?, shared::is_allowed())?;
-    zenoh::open(config).with_shm_clients(shared::storage()).await.map_err(|error| {
-        let kind = if role == Role::Listen { FaultKind::Internal } else { FaultKind::Unreachable };
-        // Without the place in its source that Zenoh tells.
-        let text = error.to_string();
-        let text = text.split(" at /").next().unwrap_or_default().trim();
-        Fault::new(kind, format!("Zenoh at {network}: {text}"))
-    })
+pub fn join(network: &str, role: Role, shared_memory: bool) -> BoxFuture<'_, Result<Session, Fault>> {
+    async move {
+        let config = within_limits(config(network, role, shared_memory)?, shared::is_allowed())?;
+        zenoh::open(config).with_shm_clients(shared::storage()).await.map_err(|error| {
+            let kind = if role == Role::Listen { FaultKind::Internal } else { FaultKind::Unreachable };
+            // Without the place in its source that Zenoh tells.
+            let text = error.to_string();
+            let text = text.split(" at /").next().unwrap_or_default().trim();
+            Fault::new(kind, format!("Zenoh at {network}: {text}"))
+        })
+    }
+    .boxed()
 }
 
 fn config(network: &str, role: Role, shared_memory: bool) -> Result<Config, Fault> {

@@ -6,6 +6,8 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use axum_server::Handle;
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use hyper_util::rt::TokioTimer;
 
 use super::connections::BoundedAcceptor;
@@ -70,16 +72,19 @@ impl Server {
     ///
     /// # Errors
     /// If the listener fails.
-    pub async fn run(self) -> io::Result<()> {
-        let http = &self.app.service.settings().http;
-        let mut server = axum_server::from_tcp(self.listener)?.handle(self.handle);
-        let header_timeout = Duration::from_millis(http.header_timeout_ms);
-        server.http_builder().http1().timer(TokioTimer::new()).header_read_timeout(header_timeout);
-        let acceptor = BoundedAcceptor::new(http.max_connections);
-        let service = router(self.app.clone()).into_make_service();
-        let result = server.acceptor(acceptor).serve(service).await;
-        self.app.service.close().await;
-        result
+    pub fn run(self) -> BoxFuture<'static, io::Result<()>> {
+        async move {
+            let http = &self.app.service.settings().http;
+            let mut server = axum_server::from_tcp(self.listener)?.handle(self.handle);
+            let header_timeout = Duration::from_millis(http.header_timeout_ms);
+            server.http_builder().http1().timer(TokioTimer::new()).header_read_timeout(header_timeout);
+            let acceptor = BoundedAcceptor::new(http.max_connections);
+            let service = router(self.app.clone()).into_make_service();
+            let result = server.acceptor(acceptor).serve(service).await;
+            self.app.service.close().await;
+            result
+        }
+        .boxed()
     }
 }
 
