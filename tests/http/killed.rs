@@ -8,9 +8,9 @@ use std::time::Duration;
 use reqwest::RequestBuilder;
 use serde_json::{Value, json};
 
-use crate::calibrations::{form, large, request};
+use crate::calibrations::{form, request, wall};
 
-const PICTURES: u64 = 40;
+const PICTURES: u64 = 12;
 
 /// The program in a process of its own, ended with the test.
 pub struct Program {
@@ -49,7 +49,8 @@ impl Program {
 
     /// Where the job is.
     async fn post(&self) -> String {
-        let pictures = (0..PICTURES).map(|number| (format!("{number:02}.png"), large()));
+        let wall = wall(2000, 1500);
+        let pictures = (0..PICTURES).map(|number| (format!("{number:02}.png"), wall.clone()));
         let form = form(&request(), pictures);
         self.make("/v1/calibrations", |post| post.multipart(form)).await
     }
@@ -134,12 +135,12 @@ async fn a_job_whose_process_is_killed_comes_to_the_result_of_one_left_alone() {
 
 #[tokio::test]
 async fn an_evaluation_whose_process_is_killed_comes_to_the_figures_of_one_left_alone() {
-    killed_twice(&json!({"study": "thesis-2012", "runs": 40_000, "solvers": ["epnp", "auto"]})).await;
+    killed_twice(&json!({"study": "thesis-2012", "runs": 40_000, "solvers": ["epnp+refine"]})).await;
 }
 
 #[tokio::test]
 async fn encounters_whose_process_is_killed_come_to_the_figures_of_those_left_alone() {
-    killed_twice(&json!({"kind": "encounters", "runs": 500})).await;
+    killed_twice(&json!({"kind": "encounters", "runs": 150})).await;
 }
 
 async fn killed_twice(study: &Value) {

@@ -9,7 +9,7 @@ use reqwest::{Client, RequestBuilder, StatusCode};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::calibrations::{boards, form, large, request, wall};
+use crate::calibrations::{boards, form, request, wall};
 use crate::killed::{Program, is_final};
 use cluster::Cluster;
 
@@ -33,19 +33,19 @@ const CALIBRATION: Work = Work {
     kind: "calibration",
     body: |post| {
         static BOARDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| boards(7).into_iter().map(|board| board.1).collect());
-        static WALL: LazyLock<Vec<u8>> = LazyLock::new(|| wall(2400, 1800));
+        static WALL: LazyLock<Vec<u8>> = LazyLock::new(|| wall(1600, 1200));
         let mut asked = request();
         asked["name"] = json!("found");
         asked["fixed"] = json!(["k3"]);
-        let pictures = (0..60).map(|number| match number {
-            1..=57 if number % 2 == 1 => (format!("left{number:02}.png"), WALL.clone()),
+        let pictures = (0..30).map(|number| match number {
+            1..=27 if number % 2 == 1 => (format!("left{number:02}.png"), WALL.clone()),
             _ => (format!("left{number:02}.jpg"), BOARDS[number / 2 % 7].clone()),
         });
         post.multipart(form(&asked, pictures))
     },
-    shards: 60,
+    shards: 30,
     told: |number| match number {
-        1..=57 if number % 2 == 1 => format!("\"message\":\"left{number:02}.png: "),
+        1..=27 if number % 2 == 1 => format!("\"message\":\"left{number:02}.png: "),
         _ => format!("\"message\":\"left{number:02}.jpg: "),
     },
     reported: "left02.jpg",
@@ -55,7 +55,7 @@ const CALIBRATION: Work = Work {
 const EVALUATION: Work = Work {
     place: "/v1/evaluations",
     kind: "evaluation",
-    body: |post| post.json(&json!({"study": "thesis-2012", "runs": 60_000, "solvers": ["epnp+refine", "auto"]})),
+    body: |post| post.json(&json!({"study": "thesis-2012", "runs": 60_000, "solvers": ["epnp+refine"]})),
     shards: 30,
     told: |number| format!("\"message\":\"runs {} to {}\"", number * 2_000 + 1, (number + 1) * 2_000),
     reported: "epnp+refine",
@@ -65,7 +65,10 @@ const EVALUATION: Work = Work {
 const WALLS: Work = Work {
     place: CALIBRATIONS,
     kind: "calibration",
-    body: |post| post.multipart(form(&request(), (0..12).map(|number| (format!("wall{number:02}.png"), large())))),
+    body: |post| {
+        let wall = wall(2000, 1500);
+        post.multipart(form(&request(), (0..12).map(|number| (format!("wall{number:02}.png"), wall.clone()))))
+    },
     shards: 12,
     told: |number| format!("\"message\":\"wall{number:02}.png: "),
     reported: "wall02.png",
