@@ -41,7 +41,7 @@ pub use eye::{Eye, Sighting, arc_width_rad};
 pub use left::{TimeLeft, time_left};
 pub use manoeuvre::{Manoeuvre, Side};
 pub use parabola::parabolic_time_s;
-pub use pictures::{Picture, pictures};
+pub use pictures::pictures;
 pub use regard::{Covered, GUIDANCE, Guidance, Regard};
 pub use study::{Answer, Marked, Needed, Question, Room, Situation, Turn, Turns, View};
 pub use tasks::{Expected, Feasibility, Measure, Task};

@@ -47,6 +47,17 @@ pub struct Figure {
     pub panels: Vec<Panel>,
 }
 
+/// A figure among others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// A word for files and links.
+    pub name: String,
+    /// For people, beside the picture.
+    pub caption: String,
+    /// The picture.
+    pub figure: Figure,
+}
+
 /// One chart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {

@@ -222,8 +222,8 @@ fn a_distorted_lens_covers_what_it_sees_and_a_turned_camera_covers_elsewhere() {
 
 #[test]
 fn pictures_are_drawn_of_what_there_is() {
-    let names = |question: &Question| -> Vec<&'static str> {
-        pictures(question, &answer(question)).iter().map(|picture| picture.name).collect()
+    let names = |question: &Question| -> Vec<String> {
+        pictures(question, &answer(question)).iter().map(|picture| picture.name.clone()).collect()
     };
     let bare = question(Scenario::HeadOn);
     assert_eq!(names(&bare), ["bank", "speed"]);

@@ -8,18 +8,7 @@ use super::eye::Eye;
 use super::manoeuvre::Manoeuvre;
 use super::parabola::parabolic_time_s;
 use super::study::{Answer, Question, View};
-use crate::plot::{Axis, Figure, Limits, Panel, Series};
-
-/// A picture and what it shows.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    /// A word for files and links: `bank`, `speed`, `pixels`, `coverage`.
-    pub name: &'static str,
-    /// For people, beside the picture.
-    pub caption: String,
-    /// The picture.
-    pub figure: Figure,
-}
+use crate::plot::{Axis, Figure, Limits, Panel, Picture, Series};
 
 /// Points of a curve.
 const POINTS: u32 = 48;
@@ -118,7 +107,7 @@ fn bank(question: &Question, answer: &Answer) -> Picture {
         .collect();
     let place = here(answer).map(|y| (question.manoeuvre.bank_rad().to_degrees(), y));
     Picture {
-        name: "bank",
+        name: "bank".into(),
         caption: format!(
             "When the turn must begin, and how far apart the two are then, over the bank, to clear by {:.0} m on a collision course. The \
              formula as printed in the thesis asks for too little.",
@@ -150,7 +139,7 @@ fn speed(question: &Question, answer: &Answer) -> Picture {
         .collect();
     let place = here(answer).map(|y| (intruder.norm(), y));
     Picture {
-        name: "speed",
+        name: "speed".into(),
         caption: format!(
             "The same over the intruder's speed, ours being {:.1} m/s and the bank {:.0}°.",
             answer.own_speed_mps,
@@ -190,7 +179,7 @@ fn pixels(question: &Question, eye: &Eye, view: &View) -> Picture {
         series,
     };
     Picture {
-        name: "pixels",
+        name: "pixels".into(),
         caption: format!(
             "The intruder, {} m wide and {} m high, in the camera's picture, {}.",
             question.size_m[0],
@@ -233,7 +222,7 @@ fn coverage(view: &View) -> Picture {
     series.push(Series::of("the intruder", [(azimuth, elevation)]));
     let fixed = |label: &str, most: f64| Axis { limits: Limits::Fixed(-most, most), ..Axis::linear(label) };
     Picture {
-        name: "coverage",
+        name: "coverage".into(),
         caption: "What the camera covers, its lens included, and where guidance asks to look. Of the ICAO's rules only azimuths are known: \
             they are drawn at the horizon."
             .into(),

@@ -5,7 +5,7 @@ use super::row::{ERRORS, ROTATION, TRANSLATION};
 use super::shard::Shard;
 use super::study::Study;
 use super::tally::Tally;
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::plot::{Axis, Figure, Panel, Picture, Series};
 
 /// Most runs that are drawn one by one.
 const MAX_DRAWN: u64 = 500;
@@ -13,17 +13,6 @@ const MAX_DRAWN: u64 = 500;
 const SHARES: u32 = 60;
 /// A sweep over more than this ratio is drawn on a logarithmic axis.
 const WIDE_RATIO: f64 = 20.0;
-
-/// A picture and what it shows.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    /// A word for files and links: `runs-epnp`, `shares`, `sweep`, `probability`.
-    pub name: String,
-    /// For people, beside the picture.
-    pub caption: String,
-    /// The picture.
-    pub figure: Figure,
-}
 
 /// All pictures that a study has.
 #[must_use]

@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod compute;
+mod drawing;
 pub mod encounters;
 pub mod evaluation;
 pub mod hub;

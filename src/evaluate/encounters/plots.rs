@@ -3,8 +3,7 @@
 use super::figures::Figures;
 use super::outcome::{Moment, Outcome, Verdict};
 use super::study::EncounterStudy;
-use crate::evaluate::plots::Picture;
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::plot::{Axis, Figure, Panel, Picture, Series};
 
 /// Most encounters that are drawn one by one.
 const MAX_DRAWN: usize = 1_500;

@@ -63,6 +63,23 @@ pub fn plate(target: Target) -> Model {
     Model { body, ..model }
 }
 
+/// Matt paint of this hue, as bright as `red`, which is of hue 0: the same three levels, shared out anew.
+#[must_use]
+pub fn painted(hue_deg: f64, red: [u8; 3]) -> [u8; 3] {
+    if hue_deg.abs() < f64::EPSILON {
+        return red;
+    }
+    let (most, least) = (f64::from(red[0]), f64::from(red[2]));
+    let level = |centre_deg: f64| {
+        let turn = (hue_deg - centre_deg).rem_euclid(360.0);
+        let share = (2.0 - turn.min(360.0 - turn) / 60.0).clamp(0.0, 1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two levels")]
+        let level = (least + (most - least) * share).round() as u8;
+        level
+    };
+    [level(0.0), level(120.0), level(240.0)]
+}
+
 impl Light {
     /// The model in this light.
     #[must_use]

@@ -6,12 +6,14 @@
 )]
 
 mod reply;
+mod view;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
 
-pub use reply::{EncounterReply, MeasureName, NoTurnName, TaskName, TaskWire};
+pub use reply::{EncounterReply, NoTurnName};
+pub use view::{MeasureName, TaskName, TaskWire};
 
 use super::reference::{CameraOrName, TargetOrName};
 use super::{CameraWire, Ref, TargetWire};

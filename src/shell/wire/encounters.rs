@@ -5,7 +5,10 @@
     reason = "limits in the document are literals; the core checks against the constants"
 )]
 
+mod avoidance;
 pub mod figures;
+mod sensing;
+mod traffic;
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -16,14 +19,17 @@ use super::reference::{CameraOrName, TargetOrName};
 use super::{CameraWire, DetectorWire, Ref, TargetWire, TrackOptionsWire, from_value};
 use crate::camera::Camera;
 use crate::detect::Detector;
-use crate::encounter::{EncounterError, Manoeuvre, Side};
+use crate::encounter::Manoeuvre;
 use crate::evaluate::encounters::{Alarm, EncounterStudy, EncounterStudyError, Sensing};
-use crate::scene::encounters::intruder::plate;
-use crate::scene::encounters::{Disturbance, Mount, Traffic};
+use crate::scene::encounters::intruder::{painted, plate};
+use crate::scene::encounters::{Disturbance, Traffic};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::target::Target;
 
+pub use avoidance::{AlertWire, ManoeuvreWire};
 pub use figures::EncountersWire;
+pub use sensing::{CentroidsWire, SensingName};
+pub use traffic::{MountName, TrafficWire};
 
 /// The kind by name.
 pub const ENCOUNTERS: &str = "encounters";
@@ -133,165 +139,6 @@ pub enum EncountersKind {
     Encounters,
 }
 
-/// From what centroids come.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-#[schema(as = Sensing)]
-pub enum SensingName {
-    /// Simulated, found as often and as far off as those of rendered frames were measured to be; a hundred times faster.
-    #[default]
-    Centroids,
-    /// Found in rendered frames.
-    Frames,
-}
-
-/// How the constellation sits on the intruder. Target frames are taken as x to the nose, y to the left, z up.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-#[schema(as = Mount)]
-pub enum MountName {
-    /// -z, where the markers of a flat target look, along the intruder's course: seen by whom it comes towards.
-    #[default]
-    Nose,
-    /// -z down, x along the course: under a wing, or a constellation that is seen from all sides.
-    Belly,
-    /// -z always to our camera: as if the intruder's attitude were no matter.
-    Facing,
-}
-
-impl From<MountName> for Mount {
-    fn from(name: MountName) -> Self {
-        match name {
-            MountName::Nose => Self::Nose,
-            MountName::Belly => Self::Belly,
-            MountName::Facing => Self::Facing,
-        }
-    }
-}
-
-/// What disturbs simulated centroids.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-#[schema(as = SimulatedCentroids)]
-pub struct CentroidsWire {
-    /// Probability of a marker not to be found that would be; 0 if left out.
-    pub missing_ratio: f64,
-    /// False blobs in a frame, on average; 0 if left out.
-    pub clutter: f64,
-    /// Errors in multiples of the measured ones, what is stated of them unchanged; 1 if left out.
-    pub error_ratio: f64,
-}
-
-impl Default for CentroidsWire {
-    fn default() -> Self {
-        let Disturbance { missing_ratio, clutter, error_ratio } = Disturbance::default();
-        Self { missing_ratio, clutter, error_ratio }
-    }
-}
-
-/// Ranges from which encounters are drawn, each number evenly on its own. Both aircraft fly level and straight.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-#[schema(as = Traffic)]
-pub struct TrafficWire {
-    /// Least and largest own speed; [8, 12] if left out.
-    pub own_speed_mps: [f64; 2],
-    /// Of the intruder; [8, 15] if left out.
-    pub intruder_speed_mps: [f64; 2],
-    /// The intruder's course from ours, positive to the right: pi comes towards us, -pi/2 crosses from the right to the left. Within 60 degrees of
-    /// pi if left out.
-    pub course_rad: [f64; 2],
-    /// Distance at which the two pass if nobody turns, on any side, above and below; [0, 9] if left out.
-    pub miss_m: [f64; 2],
-    /// Standard deviation of the intruder's roll, pitch and yaw from level flight along its course; 0.05 if left out.
-    pub attitude_sigma_rad: f64,
-}
-
-impl Default for TrafficWire {
-    fn default() -> Self {
-        let Traffic { own_speed_mps, intruder_speed_mps, course_rad, miss_m, attitude_sigma_rad } = standard().traffic;
-        Self { own_speed_mps, intruder_speed_mps, course_rad, miss_m, attitude_sigma_rad }
-    }
-}
-
-/// A level turn.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-#[schema(as = AvoidanceTurn)]
-pub struct ManoeuvreWire {
-    /// Bank; 45 degrees if left out.
-    pub bank_rad: f64,
-    /// Distance by which the intruder is to be cleared; 6 if left out.
-    pub miss_distance_m: f64,
-    /// How fast the bank grows, pi/2 if left out; null for at once.
-    pub roll_rate_radps: Option<f64>,
-    /// How far it turns; pi/2 if left out.
-    pub max_turn_rad: f64,
-    /// To which side.
-    pub side: SideName,
-}
-
-impl Default for ManoeuvreWire {
-    fn default() -> Self {
-        let manoeuvre = standard().manoeuvre;
-        Self {
-            bank_rad: manoeuvre.bank_rad(),
-            miss_distance_m: manoeuvre.miss_distance_m(),
-            roll_rate_radps: manoeuvre.roll_rate_radps(),
-            max_turn_rad: manoeuvre.max_turn_rad(),
-            side: SideName::Either,
-        }
-    }
-}
-
-impl TryFrom<&ManoeuvreWire> for Manoeuvre {
-    type Error = EncounterError;
-
-    fn try_from(wire: &ManoeuvreWire) -> Result<Self, EncounterError> {
-        let side = match wire.side {
-            SideName::Left => Side::Left,
-            SideName::Right => Side::Right,
-            SideName::Either => Side::Either,
-        };
-        let turn = Self::checked(wire.bank_rad, wire.miss_distance_m)?.up_to(wire.max_turn_rad)?.to(side);
-        wire.roll_rate_radps.map_or(Ok(turn), |rate| turn.rolling(rate))
-    }
-}
-
-/// To which side the own aircraft turns.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-#[schema(as = AvoidanceSide)]
-pub enum SideName {
-    /// To the left.
-    Left,
-    /// To the right.
-    Right,
-    /// To the side where the track shows more room, to the right where both are alike.
-    #[default]
-    Either,
-}
-
-/// When there is an alarm: a track is believed, and by it the two pass within the miss distance.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
-#[schema(as = Alert)]
-pub struct AlertWire {
-    /// From the frame that gives the alarm to the beginning of the turn: computing, link, decision; 0.25 if left out.
-    pub delay_s: f64,
-    /// They pass within the miss distance and so many of its own deviations: the more, the earlier, and the more often for nothing. 1 if left out.
-    pub sigmas: f64,
-    /// Alarms wait until so long before the last moment for the turn; null (and if left out) for not at all.
-    pub lead_s: Option<f64>,
-}
-
-impl Default for AlertWire {
-    fn default() -> Self {
-        let Alarm { delay_s, sigmas, lead_s } = standard().alarm;
-        Self { delay_s, sigmas, lead_s }
-    }
-}
-
 fn standard() -> EncounterStudy {
     EncounterStudy::standard(runs(), seed())
 }
@@ -361,9 +208,9 @@ impl EncountersRequest {
         }
         let detector = Detector::try_from(&self.detector).map_err(|fault| fault.within("/detector"))?;
         intruder.marker_rgb = match &detector {
-            Detector::Color(options) => paint_of(options.hue.centre_deg, intruder.marker_rgb),
+            Detector::Color(options) => painted(options.hue.centre_deg, intruder.marker_rgb),
             Detector::Beacon(options) => {
-                options.hue.map_or(intruder.marker_rgb, |hue| paint_of(hue.centre_deg, intruder.marker_rgb))
+                options.hue.map_or(intruder.marker_rgb, |hue| painted(hue.centre_deg, intruder.marker_rgb))
             }
             _ => intruder.marker_rgb,
         };
@@ -393,22 +240,6 @@ impl EncountersRequest {
             ..standard
         })
     }
-}
-
-/// Matt paint of this hue, as bright as `red`, which is of hue 0: the same three levels, shared out anew.
-fn paint_of(hue_deg: f64, red: [u8; 3]) -> [u8; 3] {
-    if hue_deg.abs() < f64::EPSILON {
-        return red;
-    }
-    let (most, least) = (f64::from(red[0]), f64::from(red[2]));
-    let level = |centre_deg: f64| {
-        let turn = (hue_deg - centre_deg).rem_euclid(360.0);
-        let share = (2.0 - turn.min(360.0 - turn) / 60.0).clamp(0.0, 1.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two levels")]
-        let level = (least + (most - least) * share).round() as u8;
-        level
-    };
-    [level(0.0), level(120.0), level(240.0)]
 }
 
 /// Names are looked up before a job is made, so that what is stored is all that decides its figures.

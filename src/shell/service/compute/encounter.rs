@@ -10,10 +10,11 @@ use serde_json::Value;
 use super::Terms;
 use crate::assess::AssessOptions;
 use crate::encounter::{
-    Airspace, Answer, Course, Delays, EncounterError, Eye, Manoeuvre, Marked, Picture, Question, RelativeState,
-    Scenario, Situation, pictures, positive,
+    Airspace, Answer, Course, Delays, EncounterError, Eye, Manoeuvre, Marked, Question, RelativeState, Scenario,
+    Situation, pictures, positive,
 };
 use crate::identify::IdentifyOptions;
+use crate::plot::Picture;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::lookup::Lookup;
 use crate::shell::wire::encounter::TurnName;

@@ -4,27 +4,22 @@ use askama::Template;
 
 use super::super::evaluation::number;
 use crate::evaluate::encounters::{EncounterStudy, Sensing};
-use crate::evaluate::plots::Picture;
+use crate::plot::Picture;
+use crate::shell::service::drawing::Drawing;
 use crate::shell::wire::encounters::EncountersWire;
 use crate::shell::wire::encounters::figures::{QuantilesWire, RiskRatioWire};
 use crate::shell::wire::rate::RateWire;
 
 #[derive(Template)]
 #[template(path = "encounters.html")]
-struct Page<'a> {
+struct Page {
     facts: Vec<(&'static str, String)>,
     risk: String,
     shares: Vec<[String; 3]>,
     spreads: Vec<[String; 7]>,
     missed_at: String,
     unclearable: u64,
-    pictures: Vec<Drawing<'a>>,
-}
-
-struct Drawing<'a> {
-    caption: &'a str,
-    svg: String,
-    is_wide: bool,
+    pictures: Vec<Drawing>,
 }
 
 /// The page.
@@ -75,14 +70,7 @@ pub(super) fn page(study: &EncounterStudy, wire: &EncountersWire, pictures: &[Pi
         spreads: spreads.into_iter().flatten().collect(),
         missed_at: missed.collect::<Vec<_>>().join(", "),
         unclearable: wire.unclearable,
-        pictures: pictures
-            .iter()
-            .map(|picture| Drawing {
-                caption: &picture.caption,
-                svg: picture.figure.svg(),
-                is_wide: picture.figure.panels.len() > 1,
-            })
-            .collect(),
+        pictures: pictures.iter().map(Drawing::from).collect(),
     }
     .render()
 }

@@ -2,9 +2,10 @@
 
 use askama::Template;
 
-use crate::evaluate::plots::Picture;
 use crate::evaluate::row::ERRORS;
 use crate::evaluate::study::{Layout, Poses, Study};
+use crate::plot::Picture;
+use crate::shell::service::drawing::Drawing;
 use crate::shell::wire::Ref;
 use crate::shell::wire::evaluation::EvaluationWire;
 use crate::shell::wire::evaluation::figures::{ComparisonWire, EstimateWire, SolverFigures};
@@ -18,7 +19,7 @@ struct Page<'a> {
     parts: Vec<Part<'a>>,
     times: Vec<[String; 5]>,
     computing: String,
-    pictures: Vec<Drawing<'a>>,
+    pictures: Vec<Drawing>,
     undrawn: u64,
     /// Of a sweep they say more than its many tables.
     pictures_first: bool,
@@ -45,12 +46,6 @@ struct Line {
     words: String,
     is_told: bool,
     p: String,
-}
-
-struct Drawing<'a> {
-    caption: &'a str,
-    svg: String,
-    is_wide: bool,
 }
 
 /// Values of a sweep whose tables stand in the page; the pictures show all.
@@ -87,14 +82,7 @@ pub(super) fn page(study: &Study, wire: &EvaluationWire, pictures: &[Picture]) -
         parts,
         times: times.collect(),
         computing: number(Some(wire.timing.computing_s), " s"),
-        pictures: pictures
-            .iter()
-            .map(|picture| Drawing {
-                caption: &picture.caption,
-                svg: picture.figure.svg(),
-                is_wide: picture.figure.panels.len() > 1,
-            })
-            .collect(),
+        pictures: pictures.iter().map(Drawing::from).collect(),
         undrawn: wire.undrawn,
         pictures_first: study.sweep.is_some(),
     };

@@ -3,6 +3,7 @@
 use askama::Template;
 
 use crate::encounter::{Answer, Question, Side, Situation, pictures};
+use crate::shell::service::drawing::Drawing;
 use crate::shell::service::evaluation::number;
 use crate::shell::wire::EncounterReply;
 use crate::shell::wire::encounter::{MeasureName, NoTurnName, TaskName, TaskWire};
@@ -32,22 +33,11 @@ struct Row {
     is_feasible: bool,
 }
 
-struct Drawing {
-    caption: String,
-    svg: String,
-    is_wide: bool,
-}
-
 /// The page.
 ///
 /// # Errors
 /// If it cannot be written, which is our failure.
 pub(super) fn page(question: &Question, wire: &EncounterReply, answer: &Answer) -> askama::Result<String> {
-    let drawings = pictures(question, answer).into_iter().map(|picture| Drawing {
-        caption: picture.caption,
-        is_wide: picture.figure.panels.len() > 1,
-        svg: picture.figure.svg(),
-    });
     let page = Page {
         title: title(question),
         verdict: verdict(wire),
@@ -57,7 +47,7 @@ pub(super) fn page(question: &Question, wire: &EncounterReply, answer: &Answer) 
         view: view(wire),
         tasks: tasks(wire),
         guidance: guidance(wire),
-        pictures: drawings.collect(),
+        pictures: pictures(question, answer).iter().map(Drawing::from).collect(),
     };
     page.render()
 }
