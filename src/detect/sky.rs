@@ -12,6 +12,7 @@
 //! detection with 3-D matched filtering", IEEE T-AES 1988. Image tracks live here and not with those of poses: they know pixels
 //! only, no camera and no target.
 
+pub mod bank;
 pub mod camera_motion;
 pub mod candidate;
 pub mod cells;

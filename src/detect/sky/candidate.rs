@@ -21,12 +21,16 @@ pub struct Cues {
     pub goes_on: f32,
     /// Largest contrast right below it, of its own contrast: what stands on the ground has a foot.
     pub foot: f32,
+    /// Clutter all around over that on the quietest side, natural logarithm: what stands beside other things may stand in clear sky.
+    pub beside_ln: f32,
+    /// 1 where it is so near the border of the frame that it may be a part of something.
+    pub cut: f32,
 }
 
 impl Cues {
     /// Every cue.
     #[must_use]
-    pub const fn numbers(&self) -> [f32; 9] {
+    pub const fn numbers(&self) -> [f32; 11] {
         [
             self.contrast_ln,
             self.moving_ln,
@@ -37,14 +41,17 @@ impl Cues {
             self.above_ln,
             self.goes_on,
             self.foot,
+            self.beside_ln,
+            self.cut,
         ]
     }
 
     /// Of every cue.
     #[must_use]
-    pub const fn of_numbers(numbers: [f32; 9]) -> Self {
-        let [contrast_ln, moving_ln, size_ln, openness, unrest, upright_ln, above_ln, goes_on, foot] = numbers;
-        Self { contrast_ln, moving_ln, size_ln, openness, unrest, upright_ln, above_ln, goes_on, foot }
+    pub const fn of_numbers(numbers: [f32; 11]) -> Self {
+        let [contrast_ln, moving_ln, size_ln, openness, unrest, upright_ln, above_ln, goes_on, foot, beside_ln, cut] =
+            numbers;
+        Self { contrast_ln, moving_ln, size_ln, openness, unrest, upright_ln, above_ln, goes_on, foot, beside_ln, cut }
     }
 }
 

@@ -18,6 +18,8 @@ pub struct Cells {
     pub most: Vec<u16>,
     /// Mean of the ring around each cell.
     pub clutter: Vec<f32>,
+    /// Mean of the quietest of the four sides of that ring: beside a mast or over a roof the ring's mean is that of the mast or the roof.
+    pub quiet: Vec<f32>,
     partial: Vec<f32>,
 }
 
@@ -41,6 +43,8 @@ impl Cells {
         let (columns, rows) = (self.columns, self.rows);
         self.clutter.clear();
         self.clutter.resize(columns * rows, 0.0);
+        self.quiet.clear();
+        self.quiet.resize(columns * rows, 0.0);
         if columns == 0 || rows == 0 {
             return;
         }
@@ -68,8 +72,28 @@ impl Cells {
                 let (outer, all) = sum(&self.partial, row, column, 3);
                 let (inner, middle) = sum(&self.partial, row, column, 1);
                 let count = all - middle;
-                self.clutter[row * columns + column] =
-                    if count > 0.0 { ((outer - inner) / count).max(0.0) } else { outer / all };
+                let clutter = if count > 0.0 { ((outer - inner) / count).max(0.0) } else { outer / all };
+                self.clutter[row * columns + column] = clutter;
+                let side = |top: usize, bottom: usize, left: usize, right: usize| {
+                    let (bottom, right) = (bottom.min(rows), right.min(columns));
+                    if top >= bottom || left >= right {
+                        return clutter;
+                    }
+                    let partial = &self.partial;
+                    let total = partial[bottom * stride + right]
+                        - partial[top * stride + right]
+                        - partial[bottom * stride + left]
+                        + partial[top * stride + left];
+                    total / ((bottom - top) * (right - left)) as f32
+                };
+                let (top, left) = (row.saturating_sub(3), column.saturating_sub(3));
+                let sides = [
+                    side(top, row.saturating_sub(1), left, column + 4),
+                    side(row + 2, row + 4, left, column + 4),
+                    side(top, row + 4, left, column.saturating_sub(1)),
+                    side(top, row + 4, column + 2, column + 4),
+                ];
+                self.quiet[row * columns + column] = sides.into_iter().fold(clutter, f32::min).max(0.0);
             }
         }
     }
@@ -78,6 +102,12 @@ impl Cells {
     #[must_use]
     pub fn clutter_at(&self, x: usize, y: usize) -> f32 {
         self.clutter.get(self.index(x, y)).copied().unwrap_or(0.0)
+    }
+
+    /// Clutter at a pixel of the map, of the quietest side.
+    #[must_use]
+    pub fn quiet_at(&self, x: usize, y: usize) -> f32 {
+        self.quiet.get(self.index(x, y)).copied().unwrap_or(0.0)
     }
 
     /// Mean of a pixel's cell.
@@ -136,6 +166,34 @@ mod tests {
                 let at = row * columns + column;
                 assert!((f64::from(cells.mean[at]) - mean(column, row)).abs() < 0.01);
                 assert_eq!(Some(cells.most[at]), inside(column, row).map(|at| map[at]).max());
+                let side = |within: &dyn Fn(isize, isize) -> bool| {
+                    let away = |r: usize, c: usize| {
+                        (r.cast_signed() - row.cast_signed(), c.cast_signed() - column.cast_signed())
+                    };
+                    let cells: Vec<f64> = (0..rows)
+                        .flat_map(|r| (0..columns).map(move |c| (r, c)))
+                        .filter(|(r, c)| {
+                            let (down, across) = away(*r, *c);
+                            down.abs().max(across.abs()) <= 3 && within(down, across)
+                        })
+                        .map(|(r, c)| mean(c, r))
+                        .collect();
+                    cells.iter().sum::<f64>() / cells.len() as f64
+                };
+                let sides = [
+                    side(&|down, _| down <= -2),
+                    side(&|down, _| down >= 2),
+                    side(&|_, across| across <= -2),
+                    side(&|_, across| across >= 2),
+                    f64::from(cells.clutter[at]),
+                ];
+                // A side that is not on the map is no number, and no least.
+                let quiet = sides.into_iter().fold(f64::INFINITY, f64::min);
+                assert!(
+                    (f64::from(cells.quiet[at]) - quiet).abs() < 2e-3 * quiet.max(1.0),
+                    "{} {quiet}",
+                    cells.quiet[at]
+                );
                 let ring: Vec<f64> = (0..rows)
                     .flat_map(|r| (0..columns).map(move |c| (r, c)))
                     .filter(|(r, c)| (2..=3).contains(&r.abs_diff(row).max(c.abs_diff(column))))

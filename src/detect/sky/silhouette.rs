@@ -28,6 +28,8 @@ pub struct Piece {
     pub moments: [f32; 3],
     /// Largest contrast over clutter.
     pub ratio: f32,
+    /// Its squares farthest left, up, right and down.
+    pub ends: [[usize; 2]; 4],
 }
 
 /// The map and its pieces; keeps its memory.
@@ -173,6 +175,23 @@ impl Silhouettes {
 
 impl Piece {
     fn add(&mut self, column: usize, row: usize, ratio: f32) {
+        let here = [column, row];
+        if self.squares == 0 {
+            self.ends = [here; 4];
+        }
+        let [left, top, right, bottom] = &mut self.ends;
+        if column < left[0] {
+            *left = here;
+        }
+        if row < top[1] {
+            *top = here;
+        }
+        if column > right[0] {
+            *right = here;
+        }
+        if row >= bottom[1] {
+            *bottom = here;
+        }
         self.bounds = if self.squares == 0 {
             [column, row, column + 1, row + 1]
         } else {
@@ -186,10 +205,24 @@ impl Piece {
         self.ratio = self.ratio.max(ratio);
     }
 
+    /// Both ends of a line, squares.
+    #[must_use]
+    pub fn line_ends(&self) -> [[usize; 2]; 2] {
+        let [left, top, right, bottom] = self.bounds;
+        if right - left >= bottom - top { [self.ends[0], self.ends[2]] } else { [self.ends[1], self.ends[3]] }
+    }
+
     /// Mean position, squares.
     #[must_use]
     pub fn place(&self) -> [f32; 2] {
         self.sums.map(|sum| sum / self.squares.max(1) as f32)
+    }
+
+    /// Whether it is a line: a mast, a wire, a contrail.
+    #[must_use]
+    pub fn is_line(&self) -> bool {
+        let [left, top, right, bottom] = self.bounds;
+        (right - left).max(bottom - top) > 12 && self.elongation() > 5.0
     }
 
     /// Length over width of the ellipse of the same moments.

@@ -39,6 +39,8 @@ pub struct Track {
     pub anchor: [f64; 2],
     /// Mean square of late relative changes of its area: what flaps its wings flickers.
     pub flicker: f64,
+    /// How much else of its frame looks like something that flies: [`score::compare`](super::score::compare).
+    pub company: f64,
     /// How far the camera has moved lately, px: over it, the scene's own place is known the worse.
     pub camera_path: f64,
     area_ln: f64,
@@ -72,6 +74,7 @@ impl Track {
             cues: seen.cues,
             anchor: seen.place,
             flicker: 0.0,
+            company: 0.0,
             camera_path: 0.0,
             area_ln: seen.area_px.max(1.0).ln(),
         }
@@ -134,6 +137,13 @@ impl Track {
         let fade = f64::from(candidate.cues.contrast_ln - self.cues.contrast_ln).abs();
         let flip = if candidate.is_bright == self.seen.is_bright { 0.0 } else { 1.0 };
         Some((away / sigma).powi(2) + 2.0 * growth * growth + 0.5 * fade * fade + 3.0 * flip)
+    }
+
+    /// How far from its place it may be, px.
+    #[must_use]
+    pub fn reach_px(&self) -> f64 {
+        let spread = spread_px(&self.seen);
+        3.0 * (self.covariance[0] + spread * spread).sqrt()
     }
 
     /// It is seen in this frame.

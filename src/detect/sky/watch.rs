@@ -1,9 +1,10 @@
 //! The state machine of a sequence: frame by frame, what is in the sky.
 
+use super::bank::Bank;
 use super::camera_motion::{Aligner, CameraMotion};
 use super::candidate::Candidate;
 use super::change::Change;
-use super::finder::Finder;
+use super::finder::{Finder, Shown};
 use super::level::Level;
 use super::scene_change::scene_change;
 use super::track::Track;
@@ -15,8 +16,6 @@ const MOST_LEVELS: usize = 5;
 const LEAST_SIDE: usize = 24;
 /// A frame of which more than this share is new is of another scene. Cuts have 0.5 and more, moving cameras 0.2 and less.
 const CUT_RATIO: f32 = 0.35;
-/// Most tracks at a time.
-const MOST_TRACKS: usize = 96;
 /// Frames that may be missing; over more, a thing is not found again by where it was.
 pub const MOST_MISSING: u64 = 3;
 /// Longest time from frame to frame, us.
@@ -68,11 +67,7 @@ pub struct Watch {
     change: Change,
     motion: CameraMotion,
     candidates: Vec<Candidate>,
-    tracks: Vec<Track>,
-    pairs: Vec<(f64, usize, usize)>,
-    taken: Vec<bool>,
-    matched: Vec<bool>,
-    last_id: u32,
+    bank: Bank,
     last: Option<Stamp>,
     beginning: Option<Beginning>,
     /// The part of the frame that is looked at.
@@ -113,7 +108,7 @@ impl Watch {
         }
         if self.beginning.is_some() {
             self.motion = CameraMotion::default();
-            self.tracks.clear();
+            self.bank.clear();
             self.change.reset();
         }
         let index = usize::from(self.levels.len() > 1);
@@ -121,8 +116,9 @@ impl Watch {
         let has_past = self.change.is_known();
         self.change.take(&self.levels[index], index, self.size, known);
         let moving = has_past.then_some(self.change.moving.as_slice());
-        self.finder.find(&self.levels, moving, index, &mut self.candidates);
-        self.associate(missing.unwrap_or(0));
+        let shown = Shown { levels: &self.levels, moving, moving_level: index };
+        self.finder.find(shown, &mut self.candidates);
+        self.bank.follow(&self.candidates, &self.finder, shown, &self.motion, missing.unwrap_or(0));
     }
 
     /// From now on at this part of the frames; places in another part are other places.
@@ -163,54 +159,10 @@ impl Watch {
         }
     }
 
-    fn associate(&mut self, missing: u64) {
-        let frame = self.size.map(|side| side as f64);
-        let middle = frame.map(|side| 0.5 * side);
-        for track in &mut self.tracks {
-            track.predict(&self.motion, middle);
-            // The camera's motion spans all of them.
-            (0..missing).for_each(|_| track.predict(&CameraMotion::default(), middle));
-        }
-        self.pairs.clear();
-        for (t, track) in self.tracks.iter().enumerate() {
-            for (c, candidate) in self.candidates.iter().enumerate() {
-                if let Some(misfit) = track.misfit(candidate) {
-                    // An old track has the first say.
-                    let youth = if track.hits < 3 { 4.0 } else { 0.0 };
-                    self.pairs.push((misfit + youth, t, c));
-                }
-            }
-        }
-        self.pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        self.taken.clear();
-        self.taken.resize(self.candidates.len(), false);
-        self.matched.clear();
-        self.matched.resize(self.tracks.len(), false);
-        for (_, t, c) in &self.pairs {
-            if !self.matched[*t] && !self.taken[*c] {
-                self.matched[*t] = true;
-                self.taken[*c] = true;
-                self.tracks[*t].update(&self.candidates[*c]);
-            }
-        }
-        for (track, matched) in self.tracks.iter_mut().zip(&self.matched) {
-            if !matched {
-                track.miss();
-            }
-        }
-        self.tracks.retain(|track| !track.is_lost(frame));
-        for (candidate, taken) in self.candidates.iter().zip(&self.taken) {
-            if !taken && self.tracks.len() < MOST_TRACKS {
-                self.last_id = self.last_id.wrapping_add(1);
-                self.tracks.push(Track::start(self.last_id, *candidate));
-            }
-        }
-    }
-
     /// The tracks.
     #[must_use]
     pub fn tracks(&self) -> &[Track] {
-        &self.tracks
+        self.bank.tracks()
     }
 
     /// The camera's motion since the frame before.
