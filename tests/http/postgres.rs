@@ -55,7 +55,7 @@ const CALIBRATION: Work = Work {
 const EVALUATION: Work = Work {
     place: "/v1/evaluations",
     kind: "evaluation",
-    body: |post| post.json(&json!({"study": "thesis-2012", "runs": 60_000, "solvers": ["epnp+refine"]})),
+    body: |post| post.json(&json!({"study": "thesis-2012", "runs": 60_000, "solvers": ["epnp+refine", "auto"]})),
     shards: 30,
     told: |number| format!("\"message\":\"runs {} to {}\"", number * 2_000 + 1, (number + 1) * 2_000),
     reported: "epnp+refine",
