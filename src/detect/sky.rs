@@ -3,7 +3,7 @@
 //!
 //! A frame's walk: a pyramid of five levels ([`level`]); what stands out at each from its surroundings, over the clutter around
 //! ([`cells`]); whole things as pieces that hang together in otherwise quiet sky ([`silhouette`]), and single peaks where there is no
-//! quiet ([`finder`], [`outline`]). In a sequence also the camera's own motion ([`camera_motion`]) and what moves against it
+//! quiet or quiet on one side only, and the ends of lines, as contrails have them ([`finder`], [`outline`]). In a sequence also the camera's own motion ([`camera_motion`]) and what moves against it
 //! ([`change`]); candidates become tracks at the sequence's full rate ([`track`]); what their late frames told makes a probability
 //! ([`score`]) and, where shape and motion allow, a class ([`kind`]). [`Watch`] is all of it, frame by frame.
 //!
@@ -49,7 +49,7 @@ pub struct SkyOptions {
 
 impl Default for SkyOptions {
     /// A caller who wants few false alarms sets a higher score; at one in fifty two or three a frame are left, at one in two one in
-    /// sixteen frames.
+    /// eighteen frames.
     fn default() -> Self {
         Self { min_score: 0.02, min_area_px: 1.0, max_centroids: 64 }
     }

@@ -53,6 +53,7 @@ impl Bus {
     ///
     /// # Errors
     /// If that is not possible.
+    #[must_use]
     pub fn open(service: Arc<Service>) -> BoxFuture<'static, Result<Option<Self>, Fault>> {
         async move {
             let settings = &service.settings().zenoh;
@@ -93,6 +94,7 @@ impl Bus {
     }
 
     /// Waits until the service is told to stop and what is declared is taken back; then leaves the network.
+    #[must_use]
     pub fn closed(self) -> BoxFuture<'static, ()> {
         async move {
             let _ = self.living.await;

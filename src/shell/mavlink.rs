@@ -39,6 +39,7 @@ impl Mavlink {
     ///
     /// # Errors
     /// If no socket can be had.
+    #[must_use]
     pub fn open(service: &Arc<Service>) -> BoxFuture<'_, Result<Option<Self>, Fault>> {
         async move {
             let settings = service.settings().mavlink.clone();

@@ -70,6 +70,7 @@ impl Service {
     ///
     /// # Errors
     /// If the store cannot be opened or a thread cannot be started.
+    #[must_use]
     pub fn start(settings: Settings) -> BoxFuture<'static, Result<Self, Fault>> {
         async move {
             let calibrations = CalibrationKind { limits: settings.frames.limits() };
@@ -85,6 +86,7 @@ impl Service {
     ///
     /// # Errors
     /// If the store cannot be opened or a thread cannot be started.
+    #[must_use]
     pub fn with_kinds(settings: Settings, kinds: Vec<Arc<dyn Kind>>) -> BoxFuture<'static, Result<Self, Fault>> {
         async move {
             let store = Store::connect(&settings.store).await?;

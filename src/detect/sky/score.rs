@@ -112,7 +112,9 @@ mod tests {
         let both = [clouds.as_slice(), &[track(3.5, 0.0)]].concat();
         assert!(odds(score(&both)) > 0.7 * odds(crowd), "{crowd} {}", score(&both));
         let mut gone = clouds;
-        gone.iter_mut().for_each(|track| track.misses = 1);
+        for track in &mut gone {
+            track.misses = 1;
+        }
         assert!((score(&gone) - alone).abs() < 1e-12, "what is not seen in the frame is no company");
     }
 }

@@ -29,6 +29,7 @@ pub enum Role {
 ///
 /// # Errors
 /// A file that is no configuration; an endpoint that is none, is taken or does not answer.
+#[must_use]
 pub fn join(network: &str, role: Role, shared_memory: bool) -> BoxFuture<'_, Result<Session, Fault>> {
     async move {
         let config = within_limits(config(network, role, shared_memory)?, shared::is_allowed())?;

@@ -72,6 +72,7 @@ impl Server {
     ///
     /// # Errors
     /// If the listener fails.
+    #[must_use]
     pub fn run(self) -> BoxFuture<'static, io::Result<()>> {
         async move {
             let http = &self.app.service.settings().http;

@@ -37,6 +37,7 @@ pub(super) enum Kind {
 
 impl Finder {
     /// A track's thing where the track expects it, if anything stands out there in its way.
+    #[must_use]
     pub fn again(&self, shown: Shown<'_>, track: &Track) -> Option<Candidate> {
         let size = f64::from(track.seen.cues.size_ln).exp();
         let index = whole((size / 3.0).max(1.0).log2()).min(shown.levels.len() - 1);
