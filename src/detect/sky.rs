@@ -2,10 +2,11 @@
 //! the probability that it is one.
 //!
 //! A frame's walk: a pyramid of five levels ([`level`]); what stands out at each from its surroundings, over the clutter around
-//! ([`cells`]); whole things as pieces that hang together in otherwise quiet sky ([`silhouette`]), and single peaks where there is no
-//! quiet or quiet on one side only, and the ends of lines, as contrails have them ([`finder`], [`outline`]). In a sequence also the camera's own motion ([`camera_motion`]) and what moves against it
-//! ([`change`]); candidates become tracks at the sequence's full rate ([`track`]); what their late frames told makes a probability
-//! ([`score`]) and, where shape and motion allow, a class ([`kind`]). [`Watch`] is all of it, frame by frame.
+//! ([`cells`]); whole things as pieces that hang together in otherwise quiet sky ([`silhouette`]), the ends of lines, as contrails have
+//! them, and single peaks where there is no quiet, or quiet on one side only ([`finder`], [`outline`]). In a sequence also the camera's
+//! own motion ([`camera_motion`]) and what moves against it ([`change`]); candidates become tracks at the sequence's full rate ([`track`],
+//! [`bank`]); what their late frames told, and what else is in the frame, makes a probability ([`score`]) and, where shape and motion
+//! allow, a class ([`kind`]). [`Watch`] is all of it, frame by frame.
 //!
 //! Contrast over local clutter is the cell-averaging detector of radar (Finn and Johnson, RCA Review 1968) on differences of Gaussians;
 //! confirming small targets by motion against a compensated background follows Reed, Gagliardi and Stotts, "Optical moving target
