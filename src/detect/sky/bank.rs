@@ -18,6 +18,7 @@ pub struct Bank {
     pairs: Vec<(f64, usize, usize)>,
     taken: Vec<bool>,
     matched: Vec<bool>,
+    again: Vec<Candidate>,
     last_id: u32,
 }
 
@@ -88,19 +89,66 @@ impl Bank {
 
     /// What is known is looked for where it is expected, even if other places of the frame stand out more.
     fn look_again(&mut self, candidates: &[Candidate], finder: &Finder, shown: Shown<'_>) {
+        self.again.clear();
         for (track, matched) in self.tracks.iter_mut().zip(&self.matched) {
             if *matched {
                 continue;
             }
-            let is_other = |again: &Candidate| {
-                let others = candidates.iter().zip(&self.taken).filter(|(_, taken)| **taken);
-                others.into_iter().any(|(other, _)| other.holds(again.place) || again.holds(other.place))
-            };
             let again = if track.hits < LEAST_HITS { None } else { finder.again(shown, track) };
-            match again.filter(|again| track.misfit(again).is_some() && !is_other(again)) {
-                Some(again) => track.update(&again),
+            let again = again.filter(|again| track.misfit(again).is_some());
+            // What another track has is no second thing.
+            let others = candidates.iter().zip(&self.taken).filter_map(|(other, taken)| taken.then_some(other));
+            let mut others = others.chain(&self.again);
+            match again.filter(|again| !others.any(|other| other.holds(again.place) || again.holds(other.place))) {
+                Some(again) => {
+                    track.update(&again);
+                    self.again.push(again);
+                }
                 None => track.miss(),
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detect::sky::level::Level;
+
+    #[test]
+    fn two_tracks_of_which_one_is_left_do_not_both_find_it_again() {
+        // A dark dot in an even frame.
+        let (width, height) = (96, 96);
+        let mut samples = vec![150_u8; width * height];
+        for (x, y) in [(47, 48), (48, 47), (48, 48), (48, 49), (49, 48)] {
+            samples[y * width + x] = 40;
+        }
+        let mut level = Level::default();
+        level.take_frame(&samples, width, height);
+        let levels = [level];
+        let mut finder = Finder::default();
+        finder.take(&levels);
+        let shown = Shown { levels: &levels, moving: None, moving_level: 0 };
+        let mut found = Vec::new();
+        finder.find(shown, &mut found);
+        let dot = *found.first().expect("it stands out");
+        let mut bank = Bank::default();
+        for (id, shift) in [(1, -1.0), (2, 1.0)] {
+            let mut track = Track::start(id, Candidate { place: [dot.place[0] + shift, dot.place[1]], ..dot });
+            track.hits = LEAST_HITS;
+            bank.tracks.push(track);
+        }
+        // Nothing of this frame is a candidate.
+        bank.follow(&[], &finder, shown, &CameraMotion::default(), 0);
+        let seen = bank.tracks().iter().filter(|track| track.misses == 0).count();
+        assert_eq!(seen, 1, "{:?}", bank.tracks());
+        // And where nothing is, nothing is found again.
+        let mut empty = Level::default();
+        empty.take_frame(&vec![150; width * height], width, height);
+        let levels = [empty];
+        finder.take(&levels);
+        let shown = Shown { levels: &levels, moving: None, moving_level: 0 };
+        bank.follow(&[], &finder, shown, &CameraMotion::default(), 0);
+        assert!(bank.tracks().iter().all(|track| track.misses > 0));
     }
 }

@@ -59,41 +59,36 @@ impl Cells {
                 self.partial[(row + 1) * stride + column + 1] = self.partial[row * stride + column + 1] + line;
             }
         }
-        let sum = |partial: &[f32], row: usize, column: usize, reach: usize| {
-            let (top, left) = (row.saturating_sub(reach), column.saturating_sub(reach));
-            let (bottom, right) = ((row + reach + 1).min(rows), (column + reach + 1).min(columns));
+        let partial = &self.partial;
+        // Sum and number of the cells of a block, as far as they lie on the map.
+        let block = |top: usize, bottom: usize, left: usize, right: usize| {
+            let (bottom, right) = (bottom.min(rows), right.min(columns));
+            if top >= bottom || left >= right {
+                return (0.0, 0.0);
+            }
             let total =
                 partial[bottom * stride + right] - partial[top * stride + right] - partial[bottom * stride + left]
                     + partial[top * stride + left];
             (total, ((bottom - top) * (right - left)) as f32)
         };
         for row in 0..rows {
+            let (top, bottom) = (row.saturating_sub(3), row + 4);
             for column in 0..columns {
-                let (outer, all) = sum(&self.partial, row, column, 3);
-                let (inner, middle) = sum(&self.partial, row, column, 1);
+                let (left, right) = (column.saturating_sub(3), column + 4);
+                let (outer, all) = block(top, bottom, left, right);
+                let (inner, middle) = block(row.saturating_sub(1), row + 2, column.saturating_sub(1), column + 2);
                 let count = all - middle;
                 let clutter = if count > 0.0 { ((outer - inner) / count).max(0.0) } else { outer / all };
-                self.clutter[row * columns + column] = clutter;
-                let side = |top: usize, bottom: usize, left: usize, right: usize| {
-                    let (bottom, right) = (bottom.min(rows), right.min(columns));
-                    if top >= bottom || left >= right {
-                        return clutter;
-                    }
-                    let partial = &self.partial;
-                    let total = partial[bottom * stride + right]
-                        - partial[top * stride + right]
-                        - partial[bottom * stride + left]
-                        + partial[top * stride + left];
-                    total / ((bottom - top) * (right - left)) as f32
-                };
-                let (top, left) = (row.saturating_sub(3), column.saturating_sub(3));
                 let sides = [
-                    side(top, row.saturating_sub(1), left, column + 4),
-                    side(row + 2, row + 4, left, column + 4),
-                    side(top, row + 4, left, column.saturating_sub(1)),
-                    side(top, row + 4, column + 2, column + 4),
+                    block(top, row.saturating_sub(1), left, right),
+                    block(row + 2, bottom, left, right),
+                    block(top, bottom, left, column.saturating_sub(1)),
+                    block(top, bottom, column + 2, right),
                 ];
-                self.quiet[row * columns + column] = sides.into_iter().fold(clutter, f32::min).max(0.0);
+                let quietest =
+                    |least: f32, (sum, count): (f32, f32)| if count > 0.0 { least.min(sum / count) } else { least };
+                self.clutter[row * columns + column] = clutter;
+                self.quiet[row * columns + column] = sides.into_iter().fold(clutter, quietest).max(0.0);
             }
         }
     }
