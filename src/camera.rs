@@ -11,6 +11,7 @@ pub mod orthographic;
 pub mod parameters;
 pub mod projection;
 
+pub use disc::DiscImage;
 pub use distortion::Distortion;
 pub use intrinsics::{Camera, CameraError};
 pub use orthographic::{orthographic, scaled_orthographic};

@@ -23,6 +23,7 @@ use nalgebra::Vector2;
 
 use crate::camera::Pixel;
 use crate::frame::{Frame, Region, Wanted};
+use locate::{Located, Seed, Shape, locate_shaped};
 
 pub use beacon::BeaconOptions;
 pub use blob::BlobOptions;
@@ -185,6 +186,18 @@ impl Detector {
             Self::Beacon(options) => Some(Self::Beacon(BeaconOptions { hue: Some(hue), ..*options })),
             Self::Thesis | Self::Edge(_) | Self::Sky(_) => None,
         }
+    }
+}
+
+impl Detector {
+    /// `centroid` located once more in the frame that it was found in, now that its shape is known. `None` for a method that fits no
+    /// discs, or where this one does not fit.
+    #[must_use]
+    pub fn located_again(&self, frame: &Frame, centroid: &Centroid, shape: &Shape) -> Option<Centroid> {
+        let Self::Color(options) = self else { return None };
+        let seed = Seed { pixel: centroid.pixel, moments: shape.moments, sigma_px: centroid.sigma_px };
+        let Located { pixel, sigma_px, area_px } = locate_shaped(frame, &seed, shape, Some(options.hue.direction()))?;
+        Some(Centroid { pixel, sigma_px, area_px, ..*centroid })
     }
 }
 

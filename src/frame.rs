@@ -42,20 +42,22 @@ pub enum ChromaSampling {
     Reduced,
 }
 
-/// What coding has done to the colours of a frame before it reached us.
+/// What coding has done to a frame before it reached us.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coding {
     /// How finely colour was sampled.
     pub chroma: ChromaSampling,
-    /// Mean quantization step of the low frequencies of the chroma: 1 for raw and lossless frames, 5 to 60 for JPEG.
+    /// Mean quantization step of the low frequencies of the luma: 1 for raw and lossless frames, 1 to 30 for JPEG.
+    pub luma_step: f64,
+    /// The same of the chroma: 1 for raw and lossless frames, 5 to 60 for JPEG.
     pub chroma_step: f64,
 }
 
 impl Coding {
     /// Nothing lost.
-    pub const LOSSLESS: Self = Self { chroma: ChromaSampling::Full, chroma_step: 1.0 };
+    pub const LOSSLESS: Self = Self { chroma: ChromaSampling::Full, luma_step: 1.0, chroma_step: 1.0 };
     /// Colour shared by neighbours, otherwise nothing lost.
-    pub const SHARED_CHROMA: Self = Self { chroma: ChromaSampling::Reduced, chroma_step: 1.0 };
+    pub const SHARED_CHROMA: Self = Self { chroma: ChromaSampling::Reduced, luma_step: 1.0, chroma_step: 1.0 };
 }
 
 /// A picture in memory. Its size is never zero and always agrees with its samples.

@@ -3,11 +3,12 @@
 //! `Frame` → [`detect`] → centroids → [`identify`](crate::identify::identify) → correspondences → [`estimate_pose`] → poses.
 //! Each stage reports to the caller when it is done; there is no clock in here.
 
+mod again;
 mod joint;
 mod merge;
 
 use crate::camera::Camera;
-use crate::detect::{Detection, Detector, detect};
+use crate::detect::{Centroid, Detection, Detector, detect};
 use crate::frame::{Frame, FrameError, Region};
 use crate::identify::{Blob, Hypothesis, Identified, IdentifyOptions};
 use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose};
@@ -21,7 +22,7 @@ pub enum Stage {
     Detect,
     /// Centroids to correspondences.
     Identify,
-    /// Correspondences to poses.
+    /// Correspondences to poses, with a second look at markers whose shapes are known by then.
     Solve,
 }
 
@@ -99,32 +100,41 @@ pub fn estimate(
     let region = options.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height())?;
     let detection = detect(frame, region, &options.detector);
     on_stage(Stage::Detect);
-    Ok(estimate_of(detection, camera, targets, options, on_stage))
+    Ok(estimate_of(detection, Some(frame), camera, targets, options, on_stage))
 }
 
-/// As [`estimate`] in a frame of the camera whose blobs were found already, as those of a sequence are.
+/// As [`estimate`] in a frame of the camera whose blobs were found already, as those of a sequence are. Where the frame is there
+/// to be looked at, markers are located once more when their shapes are known.
 pub fn estimate_of(
-    detection: Detection,
+    mut detection: Detection,
+    frame: Option<&Frame>,
     camera: &Camera,
     targets: &[Target],
     options: &Options,
     mut on_stage: impl FnMut(Stage),
 ) -> Estimate {
-    let blobs: Vec<Blob> = detection
-        .centroids
-        .iter()
-        .map(|c| Blob {
-            pixel: c.pixel,
-            sigma_px: c.sigma_px,
-            area_px: options.detector.measures_area().then_some(c.area_px),
-        })
-        .collect();
+    let blobs = blobs_of(&detection, &options.detector);
     let claims = joint::claims(camera, targets, &blobs, options.max_instances, &options.identify);
     on_stage(Stage::Identify);
+    if let Some(frame) = frame {
+        for claim in &claims {
+            if let Ok(identified) = &claim.identified {
+                let target = &targets[claim.target];
+                again::look_again(frame, camera, target, identified, &options.detector, &mut detection.centroids);
+            }
+        }
+    }
+    let blobs = blobs_of(&detection, &options.detector);
     let targets =
         claims.into_iter().map(|claim| solved(camera, &targets[claim.target], &blobs, claim, options)).collect();
     on_stage(Stage::Solve);
     Estimate { detection, targets }
+}
+
+fn blobs_of(detection: &Detection, detector: &Detector) -> Vec<Blob> {
+    let area_px = |centroid: &Centroid| detector.measures_area().then_some(centroid.area_px);
+    let blob = |c: &Centroid| Blob { pixel: c.pixel, sigma_px: c.sigma_px, area_px: area_px(c) };
+    detection.centroids.iter().map(blob).collect()
 }
 
 fn solved(camera: &Camera, target: &Target, blobs: &[Blob], claim: Claim, options: &Options) -> TargetEstimate {

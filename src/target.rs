@@ -3,7 +3,7 @@
 use nalgebra::{Vector2, Vector3};
 use thiserror::Error;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, DiscImage};
 use crate::geometry::{CameraFromTarget, Point, space};
 
 pub mod spread;
@@ -175,15 +175,23 @@ impl Target {
         self.facing_cosine(index, camera_from_target).is_none_or(|cosine| cosine > 0.0)
     }
 
-    /// By how much the centroid of the marker's image lies beside the image of its centre, px: zero for a marker without
-    /// radius. A disc without a normal lies in the plane of a flat target.
+    /// Image of the marker's disc; `None` for a marker without radius, or one whose attitude is not known, or where a part of
+    /// it has no image. A disc without a normal lies in the plane of a flat target.
+    #[must_use]
+    pub fn disc_image(&self, index: usize, camera: &Camera, pose: &CameraFromTarget) -> Option<DiscImage> {
+        let marker = &self.markers[index];
+        let plane = || self.spread.is_coplanar().then(|| self.spread.axes.column(2).into_owned());
+        let normal = marker.normal.or_else(plane)?;
+        camera.disc_image(&(*pose * marker.position), &(pose.rotation * normal), marker.radius_m?)
+    }
+
+    /// By how much the centroid of the marker's image lies beside the image of its centre, px: zero for a marker of which no
+    /// [`disc_image`](Self::disc_image) is known.
     #[must_use]
     pub fn centroid_offset(&self, index: usize, camera: &Camera, pose: &CameraFromTarget) -> Vector2<f64> {
-        let marker = &self.markers[index];
-        let plane = self.spread.is_coplanar().then(|| self.spread.axes.column(2).into_owned());
-        let offset = marker.radius_m.zip(marker.normal.or(plane)).and_then(|(radius_m, normal)| {
-            let centre = *pose * marker.position;
-            Some(camera.disc_centroid(&centre, &(pose.rotation * normal), radius_m)? - camera.project(&centre)?)
+        let offset = self.disc_image(index, camera, pose).and_then(|image| {
+            let centre = camera.project(&(*pose * self.markers[index].position))?;
+            Some(image.centroid - centre)
         });
         offset.unwrap_or_default()
     }

@@ -9,7 +9,7 @@ mod tiles;
 use nalgebra::{Matrix2, Vector2};
 
 use super::components::{Components, Connectivity, Run, area, bounds, mean_position};
-use super::locate::{Located, Seed, locate};
+use super::locate::{Located, Seed, locate, locate_light};
 use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame};
 use crate::frame::{ChromaSampling, Coding, Frame, Region};
 
@@ -68,7 +68,8 @@ pub(super) fn detect(
         if index >= located_count {
             return rough;
         }
-        let exact = locate(frame, &Seed { pixel, moments, sigma_px: centroid.sigma_px }, chroma);
+        let seed = Seed { pixel, moments, sigma_px: centroid.sigma_px };
+        let exact = if chroma.is_some() { locate(frame, &seed, chroma) } else { locate_light(frame, &seed) };
         exact.map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
     };
     Detection { centroids: markers.into_iter().enumerate().map(located).collect(), refused }

@@ -7,15 +7,21 @@
 
 mod ellipse;
 mod fit;
+mod foreign;
 mod lanes;
+mod light;
+mod mixture;
 mod pass;
 mod patch;
 mod rim;
+mod shape;
 
 use nalgebra::{Matrix2, Vector2};
 
 use crate::camera::Pixel;
 use crate::frame::Frame;
+
+pub use shape::Shape;
 
 /// A blob that was found, roughly.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +61,19 @@ const BEYOND_PX: u32 = 5;
 /// The ellipse at `seed`; `chroma` is the direction of the marker's hue in the plane of (Cb, Cr). `None` where no ellipse fits.
 #[must_use]
 pub fn locate(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
-    fit::fit(frame, seed, &[], chroma, &Likeness::MARKER)
+    fit::fit(frame, seed, None, &[], chroma, &Likeness::MARKER)
+}
+
+/// The light at `seed`, which outshines what is around it. `None` where it is not apart from others.
+#[must_use]
+pub fn locate_light(frame: &Frame, seed: &Seed) -> Option<Located> {
+    light::locate(frame, seed)
+}
+
+/// The same where the shape is known: what touches or covers a part of the rim bends no shape then, and moves less.
+#[must_use]
+pub fn locate_shaped(frame: &Frame, rough: &Seed, shape: &Shape, chroma: Option<Vector2<f64>>) -> Option<Located> {
+    fit::fit(frame, rough, Some(shape), &[], chroma, &Likeness::MARKER)
 }
 
 /// How like an ellipse a rim is that is one.
@@ -63,6 +81,10 @@ pub fn locate(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Optio
 struct Likeness {
     /// The part of an edge's height by which optics, sampling and coding bend it away from the model, as a standard deviation.
     edge_error: f64,
+    /// What of that error is left at an edge's feet, where a dark marker's codes rise steepest.
+    feet: f32,
+    /// Whether lines and other things around it are to be looked past, where it is large enough to be told from them.
+    amid_others: bool,
     /// How finely a sector of luma's rim is drawn at best, px.
     floor_px: f64,
     /// Sectors of the rim are left out, as a matter of course or where all of them together make no ellipse: beyond this scatter.
@@ -79,8 +101,10 @@ struct Likeness {
 impl Likeness {
     /// A body in the air: somewhat round, before anything.
     const MARKER: Self = Self {
-        edge_error: 0.03,
-        floor_px: 0.04,
+        edge_error: 0.025,
+        feet: 0.3,
+        amid_others: true,
+        floor_px: 0.025,
         trim_scatter: 0.0,
         sectored_area_px: 20.0,
         max_passes: 10,
@@ -90,6 +114,8 @@ impl Likeness {
     /// A disc in print, on white.
     const PRINT: Self = Self {
         edge_error: 0.008,
+        feet: 0.0,
+        amid_others: false,
         floor_px: 0.008,
         trim_scatter: 2.5,
         sectored_area_px: 20.0,
@@ -102,11 +128,12 @@ impl Likeness {
 /// The dark disc on white at `seed`, as it is printed on a board; `others` are next to it and are looked past.
 #[must_use]
 pub fn locate_print(frame: &Frame, seed: &Seed, others: &[Seed]) -> Option<Located> {
-    fit::fit(frame, seed, others, None, &Likeness::PRINT)
+    fit::fit(frame, seed, None, others, None, &Likeness::PRINT)
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Matrix3;
     use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
@@ -231,6 +258,32 @@ mod tests {
             }
             assert!(sum < 10.0 * 0.07 * 0.07, "{name}: {}", (sum / 10.0).sqrt());
         }
+    }
+
+    #[test]
+    fn a_known_shape_is_bent_by_nothing() {
+        let mut rng = random::named("shapes");
+        // Small, and something hides a quarter of it.
+        let corner = |at: Vector2<f64>| at.x > 31.0 && at.y > 29.5;
+        let axes = Vector2::new(5.2, 4.4);
+        let (mut alone, mut shaped) = (0.0, 0.0);
+        for index in 0..12_u32 {
+            let scene = Scene {
+                centre: Vector2::new(30.3 + 0.07 * f64::from(index), 29.6),
+                axes,
+                turn: 0.9,
+                ground: &plain,
+                over: &corner,
+            };
+            let frame = scene.frame(&mut rng);
+            let seed = scene.seed(Vector2::new(0.1, -0.1));
+            let shape = Shape { moments: seed.moments, covariance: Matrix3::identity() * 0.02 };
+            let error = |found: Option<Located>| (found.expect("located").pixel - scene.centre).norm_squared();
+            alone += error(locate(&frame, &seed, HUE));
+            shaped += error(locate_shaped(&frame, &seed, &shape, HUE));
+        }
+        let (alone, shaped) = ((alone / 24.0_f64).sqrt(), (shaped / 24.0_f64).sqrt());
+        assert!(shaped < 0.25 && shaped < 0.7 * alone, "{shaped} alone {alone}");
     }
 
     #[test]

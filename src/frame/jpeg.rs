@@ -77,8 +77,8 @@ fn read_header(bytes: &[u8]) -> Option<Header> {
             // Start of frame, all kinds but the tables (C4, CC) and the extension (C8) that share the range.
             0xC0..=0xCF if !matches!(code, 0xC4 | 0xC8 | 0xCC) => start = Some(StartOfFrame::read(segment)?),
             0xDA => {
-                let StartOfFrame { width, height, components, chroma, chroma_table } = start?;
-                let coding = Coding { chroma, chroma_step: steps[chroma_table] };
+                let StartOfFrame { width, height, components, chroma, luma_table, chroma_table } = start?;
+                let coding = Coding { chroma, luma_step: steps[luma_table], chroma_step: steps[chroma_table] };
                 return Some(Header { width, height, components, coding, orientation, scan: at + length });
             }
             _ => {}
@@ -104,6 +104,7 @@ struct StartOfFrame {
     height: u32,
     components: u8,
     chroma: ChromaSampling,
+    luma_table: usize,
     chroma_table: usize,
 }
 
@@ -114,13 +115,15 @@ impl StartOfFrame {
         };
         let mut factors = parts.chunks_exact(3).map(|part| part[1]);
         let first = factors.next();
+        let table = |component: usize| parts.chunks_exact(3).nth(component).map_or(0, |part| usize::from(part[2] & 3));
         let chroma = if factors.all(|f| Some(f) == first) { ChromaSampling::Full } else { ChromaSampling::Reduced };
         Some(Self {
             width: u32::from(u16::from_be_bytes([w1, w0])),
             height: u32::from(u16::from_be_bytes([h1, h0])),
             components,
             chroma,
-            chroma_table: parts.chunks_exact(3).nth(1).map_or(0, |part| usize::from(part[2] & 3)),
+            luma_table: table(0),
+            chroma_table: table(1),
         })
     }
 }

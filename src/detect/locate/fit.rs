@@ -3,10 +3,13 @@
 use nalgebra::{Matrix2, Vector2, Vector4};
 
 use super::ellipse::Ellipse;
-use super::pass::{ChromaSums, FULL, Light, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
+use super::foreign;
+use super::mixture::{Colour, LUMA, Mixture, Mixtures, chroma_weights};
+use super::pass::{ChromaSums, Light, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
 use super::patch::Patch;
 use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, Trust, solved};
-use super::{Likeness, Located, Seed};
+use super::shape::Pull;
+use super::{Likeness, Located, Seed, Shape};
 use crate::frame::Frame;
 
 /// Logarithm of the blur's variance that is expected beforehand, and its deviation: lenses are about as sharp as pixels.
@@ -15,7 +18,8 @@ const LN_BLUR_SPREAD: f64 = 1.5;
 
 /// In the first passes chroma speaks alone, which is not misled by what touches the rim.
 const CHROMA_PASSES: usize = 2;
-const MIN_PASSES: usize = 4;
+/// And luma in as many at least.
+const MIN_LUMA_PASSES: usize = 2;
 
 /// Eight bits have steps; noise below this is not believed.
 const MIN_NOISE: f64 = 0.5;
@@ -29,31 +33,47 @@ const MIN_KEPT: f64 = 0.4;
 pub(super) fn fit(
     frame: &Frame,
     seed: &Seed,
+    shape: Option<&Shape>,
     others: &[Seed],
-    chroma: Option<Vector2<f64>>,
+    hue: Option<Vector2<f64>>,
     likeness: &Likeness,
 ) -> Option<Located> {
-    let matrix = seed.form()?;
-    let patch = Patch::around(frame, seed, others, chroma, likeness.large)?;
-    let mut model = start(&patch, seed, matrix);
-    let prior = FormMatrix::zeros();
-    let mut trust = Trust::NONE;
+    let known = shape.map(Pull::of);
+    let matrix = match known {
+        Some(known) => known?.matrix,
+        None => seed.form()?,
+    };
+    let mut patch = Patch::around(frame, seed, others, hue, likeness)?;
+    let mut model = start(&patch, seed, matrix, hue);
+    let mut trust = Trust::FULL;
+    let mut sectors: Option<Trust> = None;
+    let mut looked = Vec::new();
+    // Of what was located before chroma has said enough.
+    let chroma_passes = if patch.chroma.is_none() || known.is_some() { 0 } else { CHROMA_PASSES };
+    let min_passes = chroma_passes + MIN_LUMA_PASSES;
     let mut last = None;
     for pass in 0..likeness.max_passes {
         let chroma = patch.chroma.as_ref().map(|channel| gather_chroma(&patch, channel, &model));
         let colour = chroma.as_ref().map(|chroma| chroma.rim.offsets(CHROMA_FLOOR_PX));
-        let (mut normal, mut right) = (prior, Form::zeros());
+        let (mut normal, mut right) = known
+            .flatten()
+            .map_or_else(|| (FormMatrix::zeros(), Form::zeros()), |known| known.equations(&model.ellipse.matrix));
         if let Some(colour) = &colour {
             colour.add_to(&Trust::FULL, &mut normal, &mut right);
         }
+        let is_small = model.ellipse.area_px() < likeness.sectored_area_px;
+        let amid_others = likeness.amid_others && !is_small;
         // In the first passes chroma speaks alone.
-        let sums = (chroma.is_none() || pass >= CHROMA_PASSES).then(|| gather(&patch, &model, likeness.edge_error));
+        let sums = (pass >= chroma_passes).then(|| gather(&patch, &model, likeness, amid_others, &trust, &mut looked));
         if let Some(sums) = &sums {
             let luma = sums.rim.offsets(likeness.floor_px);
-            let is_small = model.ellipse.area_px() < likeness.sectored_area_px;
-            trust = luma.untrimmed(&prior);
+            let base = (normal, right);
+            trust = luma.untrimmed(&base);
             if !is_small && trust.scatter > likeness.trim_scatter {
-                trust = luma.trust(colour.as_ref(), &prior);
+                trust = luma.trust(&base, sectors.as_ref());
+                if pass > chroma_passes {
+                    sectors = Some(trust.clone());
+                }
             }
             luma.add_to(&trust, &mut normal, &mut right);
             without_slopes(sums, &mut normal, &mut right);
@@ -63,7 +83,11 @@ pub(super) fn fit(
         let moved = (next.centre - model.ellipse.centre).norm();
         model.ellipse = next;
         relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
-        if pass + 1 >= MIN_PASSES && moved < likeness.settled_px {
+        model.mixture = mixture(&model.light, hue);
+        if sums.is_some() && amid_others {
+            foreign::take_out(&mut patch, &looked, model.noise.luma);
+        }
+        if pass + 1 >= min_passes && moved < likeness.settled_px {
             break;
         }
     }
@@ -71,7 +95,7 @@ pub(super) fn fit(
     let covariance = normal.try_inverse()?;
     let random = trust.scatter * (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
     let blur = model.ellipse.ln_blur.exp();
-    let aliasing = ALIASING_PX3 * (-blur / SHARP_BLUR).exp() / model.ellipse.area_px();
+    let aliasing = (ALIASING_PX3 * (-blur / SHARP_BLUR).exp() + patch.mosaic_px3) / model.ellipse.area_px();
     let sigma_px = random.hypot(patch.floor_px).hypot(aliasing);
     let pixel = model.ellipse.centre + patch.origin;
     let moved = (pixel - seed.pixel).norm();
@@ -91,21 +115,31 @@ fn without_slopes(sums: &Sums, normal: &mut FormMatrix, right: &mut Form) {
     top -= share * moment.fixed_rows::<2>(2);
 }
 
-fn start(patch: &Patch, seed: &Seed, matrix: Matrix2<f64>) -> Model {
-    let light = |code: f64| code * code / FULL;
-    let ground = light(patch.luma.outside);
+fn start(patch: &Patch, seed: &Seed, matrix: Matrix2<f64>, hue: Option<Vector2<f64>>) -> Model {
     let chroma = patch.chroma.as_ref();
+    let ground = patch.luma.outside;
+    let light = Light {
+        luma: Vector4::new(patch.luma.inside - ground, ground, 0.0, 0.0),
+        chroma: chroma.map_or_else(Vector2::zeros, |c| Vector2::new(c.inside - c.outside, c.outside)),
+    };
     Model {
         ellipse: Ellipse { centre: seed.pixel - patch.origin, matrix, ln_blur: LN_BLUR },
-        light: Light {
-            luma: Vector4::new(light(patch.luma.inside) - ground, ground, 0.0, 0.0),
-            chroma: chroma.map_or_else(Vector2::zeros, |c| Vector2::new(c.inside - c.outside, c.outside)),
-        },
+        mixture: mixture(&light, hue),
+        light,
         noise: Noise {
-            luma: patch.luma.noise.max(MIN_NOISE),
-            chroma: chroma.map_or(MIN_NOISE, |c| c.noise.hypot(patch.min_chroma_noise)),
+            luma: patch.luma.noise.max(MIN_NOISE).hypot(patch.luma_coding_noise),
+            chroma: chroma.map_or(MIN_NOISE, |c| c.noise.hypot(patch.chroma_coding_noise)),
         },
     }
+}
+
+/// How codes go from the ground's to the ellipse's. Without a hue all is gray.
+fn mixture(light: &Light, hue: Option<Vector2<f64>>) -> Mixtures {
+    let hue = hue.unwrap_or_default();
+    let colour = |luma: f64, chroma: f64| Colour { luma, chroma: hue * chroma };
+    let (height, ground) = (light.luma.x, light.luma.y);
+    let (from, to) = (colour(ground, light.chroma.y), colour(ground + height, light.chroma.y + light.chroma.x));
+    Mixtures { luma: Mixture::of(&from, &to, LUMA), chroma: Mixture::of(&from, &to, chroma_weights(&hue)) }
 }
 
 /// Light, blur and noise as the pass has them.
@@ -115,7 +149,7 @@ fn relit(model: &mut Model, patch: &Patch, sums: Option<&Sums>, chroma: Option<&
         if let Some(factors) = (normal + Matrix2::identity() * 1e-9).cholesky() {
             model.light.chroma += factors.solve(&right);
         }
-        model.noise.chroma = chroma.noise.hypot(patch.min_chroma_noise);
+        model.noise.chroma = chroma.noise.hypot(patch.chroma_coding_noise);
     }
     let Some(sums) = sums else { return };
     let (mut normal, right) = sums.light;
@@ -125,7 +159,7 @@ fn relit(model: &mut Model, patch: &Patch, sums: Option<&Sums>, chroma: Option<&
     if let Some(factors) = normal.cholesky() {
         model.light.luma += factors.solve(&right);
     }
-    model.noise.luma = sums.noise.max(MIN_NOISE);
+    model.noise.luma = sums.noise.max(MIN_NOISE).hypot(patch.luma_coding_noise);
     let (information, pull) = sums.blur;
     let expected = LN_BLUR_SPREAD.powi(-2);
     let step = (pull - expected * (model.ellipse.ln_blur - LN_BLUR)) / (information + expected);

@@ -2,15 +2,17 @@
 
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
+use super::Likeness;
 use super::ellipse::{Ellipse, FORM, LOGISTIC};
-use super::lanes::Lanes;
+use super::lanes::{LANES, Lanes};
+use super::mixture::Mixtures;
 use super::patch::{Channel, Octet, Patch};
-use super::rim::{Rim, SECTORS};
+use super::rim::{Rim, SECTORS, Trust};
 
 /// How an ellipse is lit: what the pixels' light is within it and around it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Light {
-    /// Luma in linear light, of 255: height of the ellipse over the ground, the ground at the origin, its slopes right and down.
+    /// Codes of luma: height of the ellipse over the ground, the ground at the origin, its slopes right and down.
     pub luma: Vector4<f64>,
     /// Chroma along the marker's hue: height, ground.
     pub chroma: Vector2<f64>,
@@ -28,6 +30,8 @@ pub(super) struct Model {
     pub ellipse: Ellipse,
     pub light: Light,
     pub noise: Noise,
+    /// How codes go from ground to ellipse.
+    pub mixture: Mixtures,
 }
 
 /// What luma says: normal equations and what else a pass gathers.
@@ -42,8 +46,13 @@ pub(super) struct Sums {
     pub noise: f64,
 }
 
-/// Sensors' codes are close to the square root of light.
-pub(super) const FULL: f64 = 255.0;
+/// What became of eight pixels.
+#[derive(Clone, Copy)]
+pub(super) struct Looked {
+    pub residual: Lanes,
+    pub variance: Lanes,
+    pub share: Lanes,
+}
 
 /// The part of an edge's height by which optics, sampling and coding bend it away from the model, as a standard deviation.
 const EDGE_ERROR: f64 = 0.03;
@@ -57,11 +66,15 @@ fn bent(edge_error: f64, ln_blur: f64, more: f64) -> f32 {
     single(edge_error + SHARP_ERROR * (-(ln_blur.exp() + more) / SHARP_BLUR).exp())
 }
 
+/// Residuals beyond this many standard deviations belong to something else; beyond fewer where there is something else.
+const MAX_DEVIATIONS: f32 = 8.0;
+const MAX_DEVIATIONS_AMID_OTHERS: f32 = 6.0;
+
+/// A share times what is left of one, below which a pixel is not at the edge.
+const LEVEL: f32 = 0.075;
+
 /// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
 const CHROMA_IN_LUMA: f32 = 1.4;
-
-/// Residuals beyond this many standard deviations belong to something else.
-const LIMIT: f32 = 8.0;
 
 /// The share of a pixel's light that the ellipse gives, and its derivatives.
 struct Cover {
@@ -136,9 +149,8 @@ struct Said {
 
 #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
 #[inline(always)]
-fn said(residual: Lanes, noise_squared: f32, edge: Lanes, by_rim: Lanes, there: Lanes) -> Said {
-    let variance = Lanes::all(noise_squared) + edge * edge;
-    let excess = residual * residual / (variance * Lanes::all(LIMIT * LIMIT));
+fn said(residual: Lanes, variance: Lanes, max_deviations: f32, by_rim: Lanes, there: Lanes) -> Said {
+    let excess = residual * residual / (variance * Lanes::all(max_deviations * max_deviations));
     let inside = Lanes::ONE - excess.min(1.0);
     Said { residual, weight: there * inside * inside / variance, by_rim }
 }
@@ -176,39 +188,55 @@ impl RimLanes {
 
 /// Looks at every sample of `patch`.
 #[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
-pub(super) fn gather(patch: &Patch, model: &Model, edge_error: f64) -> Sums {
-    let Model { ellipse, light, noise } = model;
+pub(super) fn gather(
+    patch: &Patch,
+    model: &Model,
+    likeness: &Likeness,
+    amid_others: bool,
+    trust: &Trust,
+    looked: &mut Vec<Looked>,
+) -> Sums {
+    let Model { ellipse, light, noise, mixture } = model;
     let noise_squared = single(noise.luma * noise.luma);
-    let bent = bent(edge_error, ellipse.ln_blur, 0.0);
+    // An edge of what is small is drawn by few pixels.
+    let small = (1.0 + likeness.sectored_area_px / ellipse.area_px()).sqrt();
+    let bent = Lanes::all(bent(likeness.edge_error * small, ellipse.ln_blur, 0.0));
+    let (feet, ridge) = (Lanes::all(likeness.feet), Lanes::all(1.0 - likeness.feet));
     let [height, ground, right, down] = light.luma.map(single).map(Lanes::all).into();
     let mut rim = Rim::default();
     let mut normal = [Lanes::ZERO; 10];
     let mut moment = [Lanes::ZERO; 4];
     let mut cross = [Lanes::ZERO; 4];
     let (mut blur, mut blur_pull) = (Lanes::ZERO, Lanes::ZERO);
+    let max_deviations = if amid_others { MAX_DEVIATIONS_AMID_OTHERS } else { MAX_DEVIATIONS };
+    looked.clear();
     let (mut flat, mut flat_squares) = (Lanes::ZERO, Lanes::ZERO);
     let chroma_bend = Lanes::all((CHROMA_IN_LUMA * single(light.chroma.x)).powi(2));
     for sector in 0..SECTORS {
         let mut here = RimLanes::ZERO;
+        let trusted = Lanes::all(single(trust.of[sector]));
         for octet in patch.luma.sector(sector) {
             let place = Place::of(octet, ellipse);
             let cover = place.cover(ellipse, 0.0);
-            let linear = (height * cover.share + ground + right * octet.x + down * octet.y).max(1.0);
-            let code = (linear * Lanes::all(single(FULL))).sqrt();
-            // Derivative of the code by the light.
-            let gain = Lanes::all(single(0.5 * FULL)) / code;
-            let rise = gain * height;
+            let (over_line, slope) = mixture.luma.over_line(cover.share);
+            let code = height * cover.share + ground + right * octet.x + down * octet.y + over_line;
+            let rise = height + slope;
             let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
-            let bend = edge * (rise * rise + chroma_bend).sqrt() * Lanes::all(bent);
-            let said = said(octet.value - code, noise_squared, bend, rise * cover.by_rim, octet.there);
+            let bend = (edge * ridge + feet) * (rise * rise + chroma_bend).sqrt() * bent;
+            let variance = Lanes::all(noise_squared) + bend * bend;
+            let said = said(octet.value - code, variance, max_deviations, rise * cover.by_rim, octet.free);
             here.add(&said, &place);
-            let weighted = said.weight * gain;
+            let level = octet.free * (Lanes::ONE - edge);
+            flat += level;
+            flat_squares += level * (said.residual * said.residual).min(CUT * CUT * noise_squared);
+            looked.push(Looked { residual: said.residual, variance, share: cover.share });
+            let weighted = said.weight * trusted;
             let by = [cover.share, Lanes::ONE, octet.x, octet.y];
             let mut index = 0;
             for row in 0..4 {
                 moment[row] += weighted * by[row] * said.residual;
                 for column in row..4 {
-                    normal[index] += weighted * gain * by[row] * by[column];
+                    normal[index] += weighted * by[row] * by[column];
                     index += 1;
                 }
             }
@@ -218,11 +246,8 @@ pub(super) fn gather(patch: &Patch, model: &Model, edge_error: f64) -> Sums {
                 cross[2 * row + 1] += by_move * *normal * octet.y;
             }
             let by_blur = rise * cover.by_blur;
-            blur += said.weight * by_blur * by_blur;
-            blur_pull += said.weight * by_blur * said.residual;
-            let level = octet.there * (Lanes::ONE - edge);
-            flat += level;
-            flat_squares += level * (said.residual * said.residual).min(CUT * CUT * noise_squared);
+            blur += weighted * by_blur * by_blur;
+            blur_pull += weighted * by_blur * said.residual;
         }
         here.into(&mut rim, sector);
     }
@@ -239,8 +264,21 @@ pub(super) fn gather(patch: &Patch, model: &Model, edge_error: f64) -> Sums {
         light: (normal, Vector4::from(moment.map(Lanes::sum))),
         cross: Matrix2::from_row_slice(&cross.map(Lanes::sum)),
         blur: (blur.sum(), blur_pull.sum()),
-        noise: deviation(flat_squares, flat),
+        noise: if amid_others { level_noise(patch, looked) } else { deviation(flat_squares, flat) },
     }
+}
+
+/// The noise that most pixels beside the edge have, whatever the others are.
+fn level_noise(patch: &Patch, looked: &[Looked]) -> f64 {
+    let is_level = |looked: &Looked, lane: usize| looked.share.0[lane] * (1.0 - looked.share.0[lane]) < LEVEL;
+    let sizes = patch.luma.octets().iter().zip(looked).flat_map(|(octet, looked)| {
+        (0..LANES)
+            .filter(|&lane| octet.free.0[lane] > 0.0 && is_level(looked, lane))
+            .map(|lane| looked.residual.0[lane].abs())
+    });
+    let mut sizes: Vec<f32> = sizes.collect();
+    let middle = sizes.len() / 2;
+    if sizes.is_empty() { 0.0 } else { 1.4826 * f64::from(*sizes.select_nth_unstable_by(middle, f32::total_cmp).1) }
 }
 
 /// What chroma says.
@@ -253,7 +291,10 @@ pub(super) struct ChromaSums {
 /// Looks at every sample of the patch's chroma.
 #[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
 pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
-    let Model { ellipse, light, noise } = model;
+    let Model { ellipse, light, noise, mixture } = model;
+    // Shares in chroma are blurred further, and what curves them has as much less height as it is wider.
+    let sharp = single((ellipse.ln_blur.exp() / (ellipse.ln_blur.exp() + patch.chroma_blur)).sqrt());
+    let sharp = Lanes::all(sharp);
     let noise_squared = single(noise.chroma * noise.chroma);
     let bent = bent(EDGE_ERROR, ellipse.ln_blur, patch.chroma_blur);
     let (height, ground) = (Lanes::all(single(light.chroma.x)), Lanes::all(single(light.chroma.y)));
@@ -266,10 +307,13 @@ pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> C
         for octet in chroma.sector(sector) {
             let place = Place::of(octet, ellipse);
             let cover = place.cover(ellipse, patch.chroma_blur);
-            let residual = octet.value - height * cover.share - ground;
+            let (over_line, slope) = mixture.chroma.over_line(cover.share);
+            let rise = height + sharp * slope;
+            let residual = octet.value - height * cover.share - ground - sharp * over_line;
             let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
             let bend = edge * height * Lanes::all(bent);
-            let mut said = said(residual, noise_squared, bend, height * cover.by_rim, octet.there);
+            let variance = Lanes::all(noise_squared) + bend * bend;
+            let mut said = said(residual, variance, MAX_DEVIATIONS_AMID_OTHERS, rise * cover.by_rim, octet.there);
             said.weight = said.weight * weight;
             here.add(&said, &place);
             sums[0] += said.weight * cover.share * cover.share;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::lanes::{LANES, Lanes};
 use super::rim::SECTORS;
-use super::{MAX_REACH_PX, Seed};
+use super::{Likeness, MAX_REACH_PX, Seed};
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
 /// Eight samples of one channel in one sector.
@@ -16,6 +16,8 @@ pub(super) struct Octet {
     pub value: Lanes,
     /// 1 for a sample, 0 for a lane that is left over.
     pub there: Lanes,
+    /// The same for samples that are not of something else.
+    pub free: Lanes,
 }
 
 /// The samples of one channel.
@@ -33,6 +35,8 @@ pub(super) struct Channel {
 pub(super) struct Patch {
     /// Whole pixel that positions are measured from.
     pub origin: Vector2<f64>,
+    /// No sample is farther from it in x or y, px.
+    pub reach: usize,
     pub luma: Channel,
     /// Along the marker's hue; none for a frame without colour, or a marker without a hue.
     pub chroma: Option<Channel>,
@@ -40,10 +44,13 @@ pub(super) struct Patch {
     pub chroma_blur: f64,
     /// What a sample of chroma counts.
     pub chroma_weight: f64,
+    /// What a mosaic hides of a small disc between its pixels: px times the disc's area.
+    pub mosaic_px3: f64,
     /// What no number of pixels improves, px.
     pub floor_px: f64,
-    /// Least deviation of chroma that coding leaves.
-    pub min_chroma_noise: f64,
+    /// Deviations of luma and chroma that coding leaves, also where it leaves the ground flat.
+    pub luma_coding_noise: f64,
+    pub chroma_coding_noise: f64,
 }
 
 /// How far from the rim pixels are looked at, px. What is within belongs to the marker; outwards other things begin.
@@ -61,10 +68,13 @@ const OTHERS_PX: f64 = 3.0;
 const SHARED_BLUR: f64 = 1.5;
 const SHARED_WEIGHT: f64 = 1.6;
 
-/// A coloured light of a pixel or two falls on few of the mosaic's pixels of its colour: what that leaves, px.
+/// Where colours were filled in from a mosaic and coded at half the rate, what luma alone is bent by, px.
 const MOSAIC_SIGMA_PX: f64 = 0.04;
 
-/// Deviation of chroma for each unit of its quantization step.
+/// The same of a small coloured disc: px times its area.
+const MOSAIC_PX3: f64 = 0.6;
+
+/// Deviation of a channel for each unit of its quantization step.
 const CODING_NOISE: f64 = 0.3;
 
 #[derive(Clone, Copy)]
@@ -114,7 +124,7 @@ impl Gathered {
     }
 
     /// `None` if there is nothing within the rim or beyond it.
-    fn finished(mut self) -> Option<Channel> {
+    fn finished(mut self, amid_others: bool) -> Option<Channel> {
         let mut octets = Vec::with_capacity(self.sectors.iter().map(|samples| samples.len().div_ceil(LANES)).sum());
         let mut starts = [0; SECTORS + 1];
         for (index, samples) in self.sectors.iter().enumerate() {
@@ -122,15 +132,22 @@ impl Gathered {
             starts[index + 1] = octets.len();
         }
         let inside = median(&mut self.inside).or_else(|| median(self.deep.as_mut()?))?;
-        let outside = median(&mut self.outside)?;
-        self.outside.iter_mut().for_each(|value| *value = (*value - outside).abs());
-        let noise = 1.4826 * median(&mut self.outside)?;
+        let ground = if amid_others { shortest_half } else { middle };
+        let (outside, noise) = ground(&mut self.outside)?;
         let [inside, outside, noise] = [inside, outside, noise].map(f64::from);
         Some(Channel { octets, starts, inside, outside, noise })
     }
 }
 
 impl Channel {
+    pub(super) fn octets(&self) -> &[Octet] {
+        &self.octets
+    }
+
+    pub(super) fn octets_mut(&mut self) -> &mut [Octet] {
+        &mut self.octets
+    }
+
     /// The octets of a sector.
     pub(super) fn sector(&self, index: usize) -> &[Octet] {
         &self.octets[self.starts[index]..self.starts[index + 1]]
@@ -144,7 +161,7 @@ impl Patch {
         seed: &Seed,
         others: &[Seed],
         chroma: Option<Vector2<f64>>,
-        large: bool,
+        likeness: &Likeness,
     ) -> Option<Self> {
         let matrix = &seed.form()?;
         let origin = seed.pixel.map(f64::round);
@@ -162,9 +179,12 @@ impl Patch {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the frame, as was checked")]
         let [left, top, right, bottom] =
             [origin.x - reach.x, origin.y - reach.y, origin.x + reach.x, origin.y + reach.y].map(|edge| edge as usize);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+        let whole_reach = reach.max() as usize;
         let capacity = 2 + 2 * (right - left + 1) * (bottom - top + 1) / SECTORS;
-        let mut luma = Gathered::new(capacity, large);
-        let mut colour = reader.direction.map(|_| Gathered::new(if shared { capacity / 4 } else { capacity }, large));
+        let mut luma = Gathered::new(capacity, likeness.large);
+        let mut colour =
+            reader.direction.map(|_| Gathered::new(if shared { capacity / 4 } else { capacity }, likeness.large));
         for y in top..=bottom {
             for x in left..=right {
                 let at = Vector2::new(x as f64, y as f64) - origin;
@@ -197,12 +217,15 @@ impl Patch {
         }
         Some(Self {
             origin,
-            luma: luma.finished()?,
-            chroma: colour.and_then(Gathered::finished),
+            reach: whole_reach,
+            luma: luma.finished(likeness.amid_others)?,
+            chroma: colour.and_then(|colour| colour.finished(likeness.amid_others)),
             chroma_blur: if shared { SHARED_BLUR } else { 0.0 },
             chroma_weight: if shared { SHARED_WEIGHT } else { 1.0 },
+            mosaic_px3: if shared && reader.direction.is_some() { MOSAIC_PX3 } else { 0.0 },
             floor_px: if shared && reader.direction.is_none() { MOSAIC_SIGMA_PX } else { 0.0 },
-            min_chroma_noise: CODING_NOISE * frame.coding().chroma_step,
+            luma_coding_noise: CODING_NOISE * frame.coding().luma_step,
+            chroma_coding_noise: CODING_NOISE * frame.coding().chroma_step,
         })
     }
 }
@@ -231,10 +254,33 @@ fn sector(q: &Vector2<f64>) -> usize {
 }
 
 impl Octet {
+    /// The lanes that hold a sample.
+    pub(super) fn lanes(&self) -> impl Iterator<Item = usize> + use<> {
+        let there = self.there;
+        (0..LANES).filter(move |lane| there.0[*lane] > 0.0)
+    }
+
     fn of(samples: &[Sample]) -> Self {
         let of = |f: fn(&Sample) -> f32| Lanes(std::array::from_fn(|i| samples.get(i).map_or(0.0, f)));
-        Self { x: of(|s| s.x), y: of(|s| s.y), value: of(|s| s.value), there: of(|_| 1.0) }
+        Self { x: of(|s| s.x), y: of(|s| s.y), value: of(|s| s.value), there: of(|_| 1.0), free: of(|_| 1.0) }
     }
+}
+
+/// Middle of the shortest stretch that holds half of the values, and the deviation that it tells: what the ground is, also where much of
+/// what is seen beyond the rim is none.
+fn shortest_half(values: &mut [f32]) -> Option<(f32, f32)> {
+    values.sort_unstable_by(f32::total_cmp);
+    let half = values.len() / 2;
+    let stretch = |start: usize| values[start + half] - values[start];
+    let start = (0..values.len() - half).min_by(|a, b| stretch(*a).total_cmp(&stretch(*b)))?;
+    Some((values[start] + 0.5 * stretch(start), 0.7413 * stretch(start)))
+}
+
+/// Median, and the deviation that the distances from it tell.
+pub(super) fn middle(values: &mut [f32]) -> Option<(f32, f32)> {
+    let middle = median(values)?;
+    values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+    Some((middle, 1.4826 * median(values)?))
 }
 
 fn median(values: &mut [f32]) -> Option<f32> {

@@ -13,6 +13,9 @@ pub(super) const SECTORS: usize = 24;
 pub(super) type Form = SVector<f64, FORM>;
 pub(super) type FormMatrix = SMatrix<f64, FORM, FORM>;
 
+/// Normal equations of the form: its matrix, and what that times the form is to be.
+pub(super) type Equations = (FormMatrix, Form);
+
 /// What the pixels of each sector say: how far outwards their rim lies, each entry weighted by its information.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rim {
@@ -69,8 +72,8 @@ impl Offsets {
         }
     }
 
-    fn solved(&self, trust: &Trust, prior: &FormMatrix) -> Option<Form> {
-        let (mut normal, mut right) = (*prior, Form::zeros());
+    fn solved(&self, trust: &Trust, base: &Equations) -> Option<Form> {
+        let (mut normal, mut right) = *base;
         self.add_to(trust, &mut normal, &mut right);
         solved(normal, &right)
     }
@@ -80,41 +83,84 @@ impl Offsets {
         std::array::from_fn(|k| self.offset[k] - self.form[k].dot(form))
     }
 
-    /// Which sectors of luma to trust. Chroma, where there is any, sees no panel lines: what is far from its ellipse is no rim.
-    pub(super) fn trust(&self, chroma: Option<&Self>, prior: &FormMatrix) -> Trust {
+    /// Which sectors of luma to trust. `base` is what else is known of the form: equations of chroma and of a known shape; `before`
+    /// is what the pass before trusted.
+    pub(super) fn trust(&self, base: &Equations, before: Option<&Trust>) -> Trust {
+        let start = match before {
+            Some(before) => self.solved(before, base),
+            None => self.agreed(base),
+        };
+        let Some(mut form) = start else { return Trust::NONE };
         let mut trust = Trust::FULL;
-        let by_chroma = chroma.and_then(|chroma| chroma.solved(&Trust::FULL, prior));
-        if let Some(form) = &by_chroma {
-            let apart = self.apart(form);
-            // Light of another colour moves all of a rim alike.
-            let middle = median(apart);
-            let scale = (1.4826 * median(apart.map(|a| (a - middle).abs()))).max(2.0 * CHROMA_FLOOR_PX);
-            trust.of = apart.map(|a| tukey((a - middle) / scale, 3.0));
-        }
-        for round in 0..ROUNDS {
-            let Some(form) = self.solved(&trust, prior) else { return Trust::NONE };
-            let apart = self.apart(&form);
-            let sizes: [f64; SECTORS] = std::array::from_fn(|k| apart[k].abs() / self.variance[k].sqrt());
-            let mut sorted = sizes;
-            sorted.sort_unstable_by(f64::total_cmp);
+        let rounds = 4;
+        for _ in 0..rounds {
+            let mut sizes = self.sizes(&form);
+            let all = sizes;
             // Five of the sectors are used up: the median of what is left.
-            trust.scatter = (1.4826 * sorted[usize::midpoint(SECTORS, FORM)]).max(1.0);
-            // Without chroma nearly least absolute values come first, which a fifth of bad sectors cannot bend.
-            let absolute = by_chroma.is_none() && round < ROUNDS / 2;
-            trust.of = sizes.map(|size| {
-                let size = size / trust.scatter;
-                if absolute { size.max(0.3).recip() } else { tukey(size, 4.0) }
-            });
+            let middle = usize::midpoint(SECTORS, FORM);
+            let scatter = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+            trust.scatter = scatter.max(LEAST_SCATTER);
+            trust.of = all.map(|size| tukey(size / scatter.max(LEAST_SCALE), MAX_DEVIATIONS));
+            let Some(next) = self.solved(&trust, base) else { return Trust::NONE };
+            form = next;
         }
         trust
     }
 
+    /// The form that most of the sectors agree with.
+    ///
+    /// What spoils a rim (a line along it, a neighbour, what hides a part) spoils one stretch of it and bends an ellipse towards itself, so
+    /// that nothing looks wrong any more. So each stretch in turn is left out.
+    fn agreed(&self, base: &Equations) -> Option<Form> {
+        let of_sector = |k: usize| {
+            let (mut normal, mut right) = (FormMatrix::zeros(), Form::zeros());
+            let weight = self.variance[k].recip();
+            normal.ger(weight, &self.form[k], &self.form[k], 1.0);
+            right.axpy(weight * self.offset[k], &self.form[k], 1.0);
+            (normal, right)
+        };
+        let sectors: [Equations; SECTORS] = std::array::from_fn(of_sector);
+        let (mut normal, mut right) = *base;
+        for sector in &sectors {
+            normal += sector.0;
+            right += sector.1;
+        }
+        let mut best = solved(normal, &right).map(|form| (self.size_of_most(&form), form));
+        for sector in &sectors[..STRETCH] {
+            normal -= sector.0;
+            right -= sector.1;
+        }
+        for start in 0..SECTORS {
+            if let Some(form) = solved(normal, &right) {
+                let size = self.size_of_most(&form);
+                if best.as_ref().is_none_or(|(least, _)| size < *least) {
+                    best = Some((size, form));
+                }
+            }
+            let (back, gone) = (&sectors[start], &sectors[(start + STRETCH) % SECTORS]);
+            normal += back.0 - gone.0;
+            right += back.1 - gone.1;
+        }
+        best.map(|(_, form)| form)
+    }
+
+    /// How far the sectors lie beside an ellipse that `form` has moved, in deviations.
+    fn sizes(&self, form: &Form) -> [f64; SECTORS] {
+        let apart = self.apart(form);
+        std::array::from_fn(|k| apart[k].abs() / self.variance[k].sqrt())
+    }
+
+    /// The largest of those but a stretch of the largest.
+    fn size_of_most(&self, form: &Form) -> f64 {
+        *self.sizes(form).select_nth_unstable_by(SECTORS - STRETCH, f64::total_cmp).1
+    }
+
     /// All sectors, as those of a small rim cannot be told from each other; but together they tell how well an ellipse fits.
-    pub(super) fn untrimmed(&self, prior: &FormMatrix) -> Trust {
-        let Some(form) = self.solved(&Trust::FULL, prior) else { return Trust::NONE };
+    pub(super) fn untrimmed(&self, base: &Equations) -> Trust {
+        let Some(form) = self.solved(&Trust::FULL, base) else { return Trust::NONE };
         let squares =
             self.apart(&form).into_iter().zip(self.variance).map(|(apart, variance)| apart * apart / variance);
-        let scatter = (squares.sum::<f64>() / (SECTORS - FORM) as f64).sqrt().max(1.0);
+        let scatter = (squares.sum::<f64>() / (SECTORS - FORM) as f64).sqrt().max(LEAST_SCATTER);
         Trust { scatter, ..Trust::FULL }
     }
 
@@ -126,7 +172,15 @@ impl Offsets {
     }
 }
 
-const ROUNDS: usize = 4;
+/// Sectors that are left out together.
+const STRETCH: usize = 7;
+
+/// Sectors that agree better than their pixels' noise allows are believed so far: noise is stated smaller by as much at most.
+const LEAST_SCATTER: f64 = 0.8;
+
+/// What is beyond so many of the sectors' own deviations, or of this part of those that their noise allows, is none of them.
+const MAX_DEVIATIONS: f64 = 4.0;
+const LEAST_SCALE: f64 = 0.5;
 
 /// The solution of normal equations that may lack a direction.
 pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
@@ -134,11 +188,6 @@ pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
         normal[(k, k)] += 1e-9 * normal[(k, k)] + 1e-12;
     }
     Some(normal.cholesky()?.solve(right))
-}
-
-fn median(mut values: [f64; SECTORS]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    f64::midpoint(values[SECTORS / 2 - 1], values[SECTORS / 2])
 }
 
 /// Weight of Beaton and Tukey.

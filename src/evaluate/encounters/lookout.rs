@@ -126,7 +126,7 @@ impl<'a> Lookout<'a> {
         let (frame, estimate) = match &self.eye {
             Eye::Simulated(sight) => {
                 let detection = sight.detect(camera, &truth, &self.model, &mut self.noise);
-                (None, estimate_of(detection, camera, &self.targets, &self.options, |_| ()))
+                (None, estimate_of(detection, None, camera, &self.targets, &self.options, |_| ()))
             }
             Eye::Rendered { sky, optics } => {
                 let frame = render(camera, &truth, &self.model, sky, optics, &mut self.noise);

@@ -78,8 +78,8 @@ const MOST_DRAWN_PX: f64 = 1.3;
 
 /// The same of LEDs, which bloom to a spot of some pixels whatever their size.
 const LED_BLOOM_PX: f64 = 1.7;
-const LED_ERROR_PX: f64 = 0.13;
-const LED_STATED_PX: f64 = 0.065;
+const LED_ERROR_PX: f64 = 0.06;
+const LED_STATED_PX: f64 = 0.08;
 
 /// A group of markers that the detector sees as one thing.
 #[derive(Clone, Copy)]

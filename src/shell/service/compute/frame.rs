@@ -329,11 +329,12 @@ impl FrameTask {
             pose: self.pose,
             model_sigma_px: terms.model_sigma_px,
         };
-        let estimate = pipeline::estimate_of(detection, camera, &self.targets, &options, |stage| match stage {
-            Stage::Detect => {}
-            Stage::Identify => timing.identify = Some(stopwatch.lap("identify")),
-            Stage::Solve => timing.solve = Some(stopwatch.lap("solve")),
-        });
+        let estimate =
+            pipeline::estimate_of(detection, Some(&frame), camera, &self.targets, &options, |stage| match stage {
+                Stage::Detect => {}
+                Stage::Identify => timing.identify = Some(stopwatch.lap("identify")),
+                Stage::Solve => timing.solve = Some(stopwatch.lap("solve")),
+            });
         timing.total += stopwatch.total();
         let posed = estimate.targets.iter().filter(|target| target.answer.is_ok()).count();
         let outcome = if posed > 0 { "posed" } else { "not_posed" };

@@ -1,0 +1,106 @@
+//! How the code of a pixel goes from ground to marker as the marker takes a larger share of it.
+//!
+//! Light mixes, codes do not: a sensor's code is close to the square root of light, in each of its three colours. Where a red disc covers
+//! half of a gray pixel, red, green and blue each are halfway in light, and luma, made of their codes, is not halfway: a disc seems smaller
+//! than it is, and one no darker than its ground has a bright seam.
+
+use nalgebra::Vector2;
+
+use super::lanes::Lanes;
+
+/// Of ITU-R BT.601.
+pub(super) const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
+
+/// Sensors' codes, 0 to 1, are about the root of light with the exponent 1/2.3: as `(3 r + q) / 4` of its square root and its fourth root, which
+/// eight pixels have at once.
+fn light_of(code: f64) -> f64 {
+    let fourth = ((1.0 + 48.0 * code).sqrt() - 1.0) / 6.0;
+    fourth.powi(4)
+}
+
+/// What a channel's code adds to the straight line from ground to marker.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mixture {
+    /// What each colour counts in the channel, times 255 / 4.
+    weights: [f32; 3],
+    /// Light of the ground, 0 to 1, and what the marker has more of it.
+    ground: [f32; 3],
+    rise: [f32; 3],
+    /// The line's own ends.
+    from: f32,
+    by: f32,
+}
+
+/// That of both channels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mixtures {
+    pub luma: Mixture,
+    pub chroma: Mixture,
+}
+
+/// Codes of luma and chroma.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Colour {
+    pub luma: f64,
+    /// (Cb, Cr) from gray.
+    pub chroma: Vector2<f64>,
+}
+
+impl Colour {
+    /// Red, green, blue.
+    fn codes(&self) -> [f64; 3] {
+        let (cb, cr) = (self.chroma.x, self.chroma.y);
+        let [r, b] = [self.luma + 1.402 * cr, self.luma + 1.772 * cb];
+        let g = (self.luma - LUMA[0] * r - LUMA[2] * b) / LUMA[1];
+        [r, g, b].map(|code| code.clamp(1.0, 255.0))
+    }
+}
+
+/// Least light: its root is divided by.
+const LEAST: f32 = 1e-6;
+
+impl Mixture {
+    /// `weights` are what each colour counts in the channel.
+    pub(super) fn of(ground: &Colour, marker: &Colour, weights: [f64; 3]) -> Self {
+        let (from, to) = (ground.codes(), marker.codes());
+        let code = |codes: &[f64; 3]| weights.iter().zip(codes).map(|(weight, code)| weight * code).sum::<f64>();
+        let [dark, lit] = [from, to].map(|codes| codes.map(|code| light_of(code / 255.0)));
+        Self {
+            weights: weights.map(|weight| single(weight * 255.0 / 4.0)),
+            ground: dark.map(single),
+            rise: std::array::from_fn(|i| single(lit[i] - dark[i])),
+            from: single(code(&from)),
+            by: single(code(&to) - code(&from)),
+        }
+    }
+
+    /// What the code at a share is over the straight line, and the slope of that.
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    pub(super) fn over_line(&self, share: Lanes) -> (Lanes, Lanes) {
+        let mut code = Lanes::all(-self.from) - Lanes::all(self.by) * share;
+        let mut slope = Lanes::all(-self.by);
+        for i in 0..3 {
+            let weight = Lanes::all(self.weights[i]);
+            let rise = Lanes::all(self.rise[i]);
+            let root = (Lanes::all(self.ground[i]) + rise * share).max(LEAST).sqrt();
+            let fourth = root.sqrt();
+            code += weight * (Lanes::all(3.0) * root + fourth);
+            // d root / d light is half of 1 / root, and d fourth / d root half of 1 / fourth, which is fourth / root.
+            let per_root = Lanes::ONE / root;
+            slope += weight * rise * per_root * (Lanes::all(1.5) + Lanes::all(0.25) * fourth * per_root);
+        }
+        (code, slope)
+    }
+}
+
+/// What each colour counts in chroma along a hue.
+pub(super) fn chroma_weights(hue: &Vector2<f64>) -> [f64; 3] {
+    let (cb, cr) = (hue.x / 1.772, hue.y / 1.402);
+    std::array::from_fn(|i| cb * (f64::from(u8::from(i == 2)) - LUMA[i]) + cr * (f64::from(u8::from(i == 0)) - LUMA[i]))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
+const fn single(value: f64) -> f32 {
+    value as f32
+}
