@@ -38,6 +38,12 @@ impl CameraMotion {
         [(scale * x + self.turn * y) / square, (scale * y - self.turn * x) / square]
     }
 
+    /// How far apart two motions move a place, px, at most: on a circle through the frame's left and right.
+    fn farthest_from(&self, other: &Self, width: f64) -> f64 {
+        let shift = (self.shift_px[0] - other.shift_px[0]).hypot(self.shift_px[1] - other.shift_px[1]);
+        shift + 0.5 * width * (self.zoom - other.zoom).hypot(self.turn - other.turn)
+    }
+
     /// First this one, then the one `before` it: where a place of this frame was two frames ago.
     #[must_use]
     pub fn then(&self, before: &Self) -> Self {
@@ -46,6 +52,9 @@ impl CameraMotion {
         Self { shift_px: before.apply(self.shift_px), zoom: a * c - b * d - 1.0, turn: a * d + b * c }
     }
 }
+
+/// Residuals that agree better than this are not believed to.
+const LEAST_SPREAD: f32 = 0.05;
 
 /// Points along a row of the frame, at every level.
 const POINTS_ACROSS: usize = 40;
@@ -72,13 +81,16 @@ struct Point {
 #[derive(Clone, Debug, Default)]
 pub struct Aligner {
     points: Vec<Point>,
+    /// Of each point at the motion that is looked at; not a number where the point was not in the frame before.
+    residuals: Vec<f32>,
 }
 
 /// What speaks for a camera at rest, in points of full weight: a lone thing in a bare sky moves, not the camera.
 const STILLNESS: f64 = 1.0;
 
-/// Iterations at a level: steps are small after a few.
+/// Iterations at a level at most, and the step, px of the level, after which there is nothing to gain: the next level is finer by half.
 const ITERATIONS: usize = 6;
+const SETTLED_PX: f64 = 0.02;
 
 impl Aligner {
     /// Where places of the new frame were in the one before. Levels are of equal size in both; the finest one is used only if there is
@@ -93,13 +105,20 @@ impl Aligner {
             self.collect(&new[level], &cells[level], level, size);
             if level == coarsest && guess != CameraMotion::default() {
                 let still = CameraMotion::default();
-                if self.cost(&before[level], level, size, &still) < self.cost(&before[level], level, size, &guess) {
+                if self.look(&before[level], level, size, &still) < self.look(&before[level], level, size, &guess) {
                     motion = still;
                 }
             }
             let rounds = if level == finest { 4 } else { ITERATIONS };
+            let settled = SETTLED_PX * f64::from(1_u32 << level);
             for _ in 0..rounds {
-                motion = self.step(&before[level], level, size, &motion);
+                let spread = self.look(&before[level], level, size, &motion).max(LEAST_SPREAD);
+                let next = self.step(spread, level, size, &motion);
+                let moved = next.farthest_from(&motion, size[0]);
+                motion = next;
+                if moved < settled {
+                    break;
+                }
             }
         }
         // A camera that turns more than this between two frames shows another scene.
@@ -185,14 +204,17 @@ impl Aligner {
         [motion.shift_px[0], motion.shift_px[1], motion.zoom, motion.turn].map(single)
     }
 
-    /// Mean absolute residual, each in units of what is around it, and counted as it tells of the motion.
-    fn cost(&self, before: &Level, index: usize, size: [f64; 2], motion: &CameraMotion) -> f32 {
+    /// Takes the residuals at a motion. Their mean size, each in units of what is around it, and counted as it tells of the motion.
+    fn look(&mut self, before: &Level, index: usize, size: [f64; 2], motion: &CameraMotion) -> f32 {
         let scale = (1 << index) as f32;
         let middle = size.map(|side| single(0.5 * side));
         let numbers = Self::numbers(motion);
         let (mut sum, mut count) = (0.0, 0.0);
+        self.residuals.clear();
         for point in &self.points {
-            if let Some(residual) = Self::residual(point, before, scale, middle, numbers) {
+            let residual = Self::residual(point, before, scale, middle, numbers);
+            self.residuals.push(residual.unwrap_or(f32::NAN));
+            if let Some(residual) = residual {
                 let told = point.weight * (point.slope[0] * point.slope[0] + point.slope[1] * point.slope[1]);
                 sum += told * residual.abs() * point.weight.sqrt();
                 count += told;
@@ -201,15 +223,15 @@ impl Aligner {
         if count > 0.0 { sum / count } else { f32::MAX }
     }
 
-    fn step(&self, before: &Level, index: usize, size: [f64; 2], motion: &CameraMotion) -> CameraMotion {
+    /// A step from the motion of which the residuals are those that were taken.
+    fn step(&self, spread: f32, index: usize, size: [f64; 2], motion: &CameraMotion) -> CameraMotion {
         let scale = (1 << index) as f32;
-        let middle = size.map(|side| single(0.5 * side));
-        let numbers = Self::numbers(motion);
-        let spread = self.cost(before, index, size, motion).max(0.05);
         let mut normal = [0.0_f32; 10];
         let mut right = [0.0_f32; 4];
-        for point in &self.points {
-            let Some(residual) = Self::residual(point, before, scale, middle, numbers) else { continue };
+        for (point, &residual) in self.points.iter().zip(&self.residuals) {
+            if residual.is_nan() {
+                continue;
+            }
             let relative = residual * residual * point.weight / (spread * spread);
             let weight = point.weight / (1.0 + relative);
             let s = point.slope;

@@ -74,57 +74,31 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     if contrast < 1.0 {
         return None;
     }
-    let (half, quarter) = (0.5 * contrast, 0.25 * contrast);
-    let (left, top) = (x.saturating_sub(REACH), y.saturating_sub(REACH));
-    let (right, bottom) = ((x + REACH + 1).min(width), (y + REACH + 1).min(height));
-    let mut seen = [0_u32; SIDE];
-    let mut open = [(0_u8, 0_u8); SIDE * SIDE];
-    let mut count = 1;
-    #[expect(clippy::cast_possible_truncation, reason = "inside the window")]
-    {
-        open[0] = ((x - left) as u8, (y - top) as u8);
-    }
-    seen[y - top] |= 1 << (x - left);
-    let mut next = 0;
+    let half = 0.5 * contrast;
+    let window = Window::around(level, x, y);
+    let over = |value: u16| signed(f32::from(value) - background) > 0.25 * contrast;
+    let filled = window.filled(level, [x, y], over);
     let (mut weight, mut sum) = (0.0_f32, [0.0_f32; 2]);
     let mut bounds = [x, y, x + 1, y + 1];
-    let (mut area, mut goes_on) = (0.0_f32, false);
-    while next < count {
-        let (column, row) = (open[next].0 as usize + left, open[next].1 as usize + top);
-        next += 1;
-        let here = signed(f32::from(level.smooth[row * width + column]) - background).min(1.5 * contrast);
-        if here > half {
-            let (u, v) = (column as f32 - x as f32, row as f32 - y as f32);
-            area += 1.0;
-            weight += here;
-            sum[0] += here * u;
-            sum[1] += here * v;
-            bounds = [bounds[0].min(column), bounds[1].min(row), bounds[2].max(column + 1), bounds[3].max(row + 1)];
-        }
-        for (i, j) in [(0, 1), (1, 0), (1, 2), (2, 1)] {
-            let (column, row) = (column + i, row + j);
-            if column < left + 1 || row < top + 1 || column > right || row > bottom {
-                // The window's border, not the frame's.
-                goes_on |= (column < left + 1 && left > 0)
-                    || (row < top + 1 && top > 0)
-                    || (column > right && right < width)
-                    || (row > bottom && bottom < height);
-                continue;
-            }
-            let (column, row) = (column - 1, row - 1);
-            let bit = 1 << (column - left);
-            if seen[row - top] & bit == 0
-                && signed(f32::from(level.smooth[row * width + column]) - background) > quarter
-            {
-                seen[row - top] |= bit;
-                #[expect(clippy::cast_possible_truncation, reason = "inside the window")]
-                {
-                    open[count] = ((column - left) as u8, (row - top) as u8);
-                }
-                count += 1;
+    let mut area = 0.0_f32;
+    for (row, bits) in (window.top..window.bottom).zip(filled) {
+        let line = &level.smooth[row * width..][..width];
+        let mut left = bits;
+        while left != 0 {
+            let column = window.left + left.trailing_zeros() as usize;
+            left &= left - 1;
+            let here = signed(f32::from(line[column]) - background).min(1.5 * contrast);
+            if here > half {
+                let (u, v) = (column as f32 - x as f32, row as f32 - y as f32);
+                area += 1.0;
+                weight += here;
+                sum[0] += here * u;
+                sum[1] += here * v;
+                bounds = [bounds[0].min(column), bounds[1].min(row), bounds[2].max(column + 1), bounds[3].max(row + 1)];
             }
         }
     }
+    let goes_on = window.is_left(level, &filled);
     let (mu, mv) = (sum[0] / weight, sum[1] / weight);
     // Once around the thing, at a distance that its own blur does not reach.
     let (half_across, half_down) = (0.5 * (bounds[2] - bounds[0]) as f32, 0.5 * (bounds[3] - bounds[1]) as f32);
@@ -145,4 +119,127 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
         unrest: unrest / (16.0 * contrast),
         goes_on,
     })
+}
+
+/// The pixels that a thing may reach. A row of it is a number whose lowest bit is the leftmost pixel.
+#[derive(Clone, Copy)]
+struct Window {
+    left: usize,
+    top: usize,
+    right: usize,
+    bottom: usize,
+}
+
+impl Window {
+    fn around(level: &Level, x: usize, y: usize) -> Self {
+        Self {
+            left: x.saturating_sub(REACH),
+            top: y.saturating_sub(REACH),
+            right: (x + REACH + 1).min(level.width),
+            bottom: (y + REACH + 1).min(level.height),
+        }
+    }
+
+    /// What hangs together with a pixel, side by side, of those for which `over` holds; the pixel itself in any case.
+    fn filled(&self, level: &Level, [x, y]: [usize; 2], over: impl Fn(u16) -> bool) -> [u32; SIDE] {
+        let rows = self.bottom - self.top;
+        let mask = |row: usize| {
+            let line = &level.smooth[(self.top + row) * level.width..][self.left..self.right];
+            line.iter().enumerate().fold(0_u32, |bits, (column, value)| bits | u32::from(over(*value)) << column)
+        };
+        let mut filled = [0_u32; SIDE];
+        // Rows are looked at when a neighbour reaches them.
+        let mut masks = [None; SIDE];
+        let start = y - self.top;
+        filled[start] = 1 << (x - self.left);
+        masks[start] = Some(mask(start) | filled[start]);
+        let mut open = [false; SIDE];
+        open[start] = true;
+        let mut row = start;
+        loop {
+            open[row] = false;
+            let here = *masks[row].get_or_insert_with(|| mask(row));
+            let spread = spread(filled[row] & here, here);
+            filled[row] = spread;
+            for next in [row.wrapping_sub(1), row + 1] {
+                if next < rows {
+                    let new = spread & *masks[next].get_or_insert_with(|| mask(next)) & !filled[next];
+                    if new != 0 {
+                        filled[next] |= new;
+                        open[next] = true;
+                    }
+                }
+            }
+            match open.iter().position(|open| *open) {
+                Some(next) => row = next,
+                None => return filled,
+            }
+        }
+    }
+
+    /// Whether what is filled reaches a border of the window that is not the frame's.
+    fn is_left(&self, level: &Level, filled: &[u32; SIDE]) -> bool {
+        let columns = filled.iter().fold(0, |all, row| all | row);
+        (self.left > 0 && columns & 1 != 0)
+            || (self.right < level.width && columns >> (self.right - self.left - 1) != 0)
+            || (self.top > 0 && filled[0] != 0)
+            || (self.bottom < level.height && filled[self.bottom - self.top - 1] != 0)
+    }
+}
+
+/// `bits` spread sideways as far as `mask` goes on.
+const fn spread(mut bits: u32, mask: u32) -> u32 {
+    loop {
+        let wider = (bits | bits << 1 | bits >> 1) & mask;
+        if wider == bits {
+            return bits;
+        }
+        bits = wider;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::random::case;
+
+    /// One pixel after another.
+    fn slow(window: &Window, level: &Level, [x, y]: [usize; 2], over: impl Fn(u16) -> bool) -> [u32; SIDE] {
+        let mut filled = [0_u32; SIDE];
+        let mut open = vec![(x, y)];
+        while let Some((x, y)) = open.pop() {
+            let bit = 1 << (x - window.left);
+            if filled[y - window.top] & bit != 0 {
+                continue;
+            }
+            filled[y - window.top] |= bit;
+            let next = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+            open.extend(next.into_iter().filter(|(x, y)| {
+                (window.left..window.right).contains(x)
+                    && (window.top..window.bottom).contains(y)
+                    && over(level.smooth[y * level.width + x])
+            }));
+        }
+        filled
+    }
+
+    #[test]
+    fn what_hangs_together_is_what_a_walk_from_pixel_to_pixel_reaches() {
+        for index in 0..400 {
+            let mut rng = case("filled windows", index);
+            let (width, height) = (rng.random_range(4..60), rng.random_range(4..60));
+            // From a few pixels over to nearly all of them: at six tenths of them ways are longest.
+            let share = rng.random_range(0.2..0.95);
+            let mut level = Level::default();
+            (level.width, level.height) = (width, height);
+            level.smooth = (0..width * height).map(|_| u16::from(rng.random_bool(share))).collect();
+            let [x, y] = [rng.random_range(0..width), rng.random_range(0..height)];
+            let window = Window::around(&level, x, y);
+            let over = |value: u16| value > 0;
+            let (found, truth) = (window.filled(&level, [x, y], over), slow(&window, &level, [x, y], over));
+            assert_eq!(found, truth, "{index}: {width} x {height} from {x}, {y}");
+        }
+    }
 }
