@@ -47,9 +47,9 @@
 //! `POST /v1/estimates` arrives at [`shell::http`], which reads the frame and its parameters within their limits and asks
 //! [`shell::service`]; there the camera and the targets are looked up, and a worker takes the job. The worker decodes the
 //! bytes to a [`frame::Frame`] and walks [`pipeline::estimate`]: [`detect`](detect::detect) finds blobs of the marker's
-//! colour; [`identify`](identify::identify) weighs which blob is which marker; [`estimate_pose`](pose::estimate_pose) starts
-//! from the solvers that fit the geometry, refines every start, keeps the distinct minima and weighs them. [`shell::wire`]
-//! writes the reply.
+//! colour; [`identify`](identify::identify) weighs which blob is which marker, and as that tells their shapes, discs are located
+//! once more; [`estimate_pose`](pose::estimate_pose) starts from the solvers that fit the geometry, refines every start, keeps
+//! the distinct minima and weighs them. [`shell::wire`] writes the reply.
 //!
 //! # A pose from points
 //!

@@ -72,6 +72,15 @@ pub(super) fn find(picture: &Luma, chessboard: &Chessboard) -> Result<Vec<SeenPo
     answer.into_result()
 }
 
+/// A board of another size.
+struct Other {
+    extent: Extent,
+    /// Area of the picture that it covers, px^2.
+    area_px: f64,
+    /// The box that holds it: least and greatest x and y, px.
+    bounds: [Pixel; 2],
+}
+
 /// The best that the levels have given.
 struct Answer<'a> {
     chessboard: &'a Chessboard,
@@ -81,7 +90,7 @@ struct Answer<'a> {
     /// Boards of the right size that lie apart and are about as large in the picture.
     several: usize,
     /// The largest board of another size.
-    other: Option<Extent>,
+    other: Option<Other>,
     /// The most corners that hung together.
     found: usize,
 }
@@ -130,8 +139,11 @@ impl<'a> Answer<'a> {
     fn consider_other(&mut self, mut lattice: Lattice, pyramid: &Pyramid<'_>) {
         exact::settle(&mut lattice, pyramid);
         let extent = extent::extent(&mut lattice, pyramid);
-        if extent.is_board() && self.other.as_ref().is_none_or(|other| other.count < extent.count) {
-            self.other = Some(extent);
+        if extent.is_board() && self.other.as_ref().is_none_or(|other| other.extent.count < extent.count) {
+            let pixels = || lattice.nodes.iter().map(|node| node.pixel);
+            let least = pixels().fold(Pixel::repeat(f64::INFINITY), |least, pixel| least.inf(&pixel));
+            let most = pixels().fold(Pixel::repeat(f64::NEG_INFINITY), |most, pixel| most.sup(&pixel));
+            self.other = Some(Other { extent, area_px: lattice.area_px(), bounds: [least, most] });
         }
     }
 
@@ -153,17 +165,31 @@ impl<'a> Answer<'a> {
         is_enough.then_some(seen)
     }
 
+    /// Whether what was found is a part of a board of another size of which a level has missed some corners, or small beside one.
+    fn is_none_beside_other(&self) -> bool {
+        let sum: Pixel = self.points.iter().map(|seen| seen.pixel).sum();
+        let middle = sum / self.points.len().max(1) as f64;
+        self.other.as_ref().is_some_and(|other| {
+            let [least, most] = other.bounds;
+            let is_inside = least.inf(&middle) == least && most.sup(&middle) == most;
+            let is_small = self.area_px < SMALL_SHARE * other.area_px;
+            other.extent.count > self.points.len() && (is_inside || is_small)
+        })
+    }
+
     fn into_result(self) -> Result<Vec<SeenPoint>, NoBoard> {
         let need = self.need();
         let (columns, rows) = (self.chessboard.columns as usize, self.chessboard.rows as usize);
         if self.several > 1 {
             return Err(NoBoard::Several { count: self.several });
         }
-        if !self.points.is_empty() {
+        if !self.points.is_empty() && !self.is_none_beside_other() {
             return Ok(self.points);
         }
         let pattern = "chessboard";
-        let Some(other) = self.other else { return Err(NoBoard::NotSeen { pattern, found: self.found, need }) };
+        let Some(Other { extent: other, .. }) = self.other else {
+            return Err(NoBoard::NotSeen { pattern, found: self.found, need });
+        };
         let [a, b] = other.size();
         let (long, short) = (a.max(b), a.min(b));
         let (found_columns, found_rows) = if columns >= rows { (long, short) } else { (short, long) };
