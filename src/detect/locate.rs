@@ -3,7 +3,7 @@
 //! Chroma tells a marker from everything else, but JPEG and Bayer sensors sample it at half the rate. Luma is sharp, but a red
 //! disc may be as bright as what is behind it, and whatever crosses its rim (a panel line, the edge of a wing) is there too.
 //! So one ellipse is fitted to both, each channel with a ground and a height of its own, weighted by its own noise, and
-//! pixels that fit neither are left out.
+//! pixels that fit neither are left out. An LED in the dark has no rim: it is the centroid of its light.
 
 mod ellipse;
 mod fit;
@@ -70,7 +70,7 @@ pub fn locate_light(frame: &Frame, seed: &Seed) -> Option<Located> {
     light::locate(frame, seed)
 }
 
-/// The same where the shape is known: what touches or covers a part of the rim bends no shape then, and moves less.
+/// The ellipse at `rough`, of which the shape is known: what touches or covers a part of its rim does not bend it, and moves it less.
 #[must_use]
 pub fn locate_shaped(frame: &Frame, rough: &Seed, shape: &Shape, chroma: Option<Vector2<f64>>) -> Option<Located> {
     fit::fit(frame, rough, Some(shape), &[], chroma, &Likeness::MARKER)

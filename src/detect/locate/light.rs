@@ -1,8 +1,8 @@
 //! Where a light is that outshines what is around it: the centroid of its light.
 //!
-//! A lens blurs, a sensor's colours are filled in from neighbours, and light blooms where it is too much: none of them moves the centroid of
-//! linear light much, while an ellipse with a rim is not what is seen. Codes are close to the root of light, so their squares are summed;
-//! those near the ground, where noise would pull by its lever, do not count.
+//! A lens blurs, a sensor's colours are filled in from neighbours, and light blooms where it is too much: none of them moves the
+//! centroid of linear light much, while an ellipse with a rim is not what is seen. Codes are close to the root of light, so their
+//! squares are summed; those near the ground, where noise would pull by its lever, do not count.
 
 use nalgebra::Vector2;
 
@@ -161,9 +161,10 @@ fn covers(runs: &[Run], other: &[Run]) -> bool {
 
 /// Whether a place lies on a component.
 fn holds(runs: &[Run], at: Vector2<f64>) -> bool {
-    let nearest = at.map(f64::round);
-    runs.iter()
-        .any(|run| f64::from(run.y) == nearest.y && f64::from(run.start) <= nearest.x && nearest.x < f64::from(run.end))
+    runs.iter().any(|run| {
+        let off = at.y - f64::from(run.y);
+        off.abs() <= 0.5 && f64::from(run.start) - 0.5 <= at.x && at.x < f64::from(run.end) - 0.5
+    })
 }
 
 #[cfg(test)]

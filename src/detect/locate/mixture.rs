@@ -11,8 +11,8 @@ use super::lanes::Lanes;
 /// Of ITU-R BT.601.
 pub(super) const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
 
-/// Sensors' codes, 0 to 1, are about the root of light with the exponent 1/2.3: as `(3 r + q) / 4` of its square root and its fourth root, which
-/// eight pixels have at once.
+/// Sensors' codes, 0 to 1, are about the root of light with the exponent 1/2.3: as `(3 r + q) / 4` of its square root and its fourth
+/// root, which eight pixels have at once.
 fn light_of(code: f64) -> f64 {
     let fourth = ((1.0 + 48.0 * code).sqrt() - 1.0) / 6.0;
     fourth.powi(4)

@@ -279,7 +279,9 @@ fn shortest_half(values: &mut [f32]) -> Option<(f32, f32)> {
 /// Median, and the deviation that the distances from it tell.
 pub(super) fn middle(values: &mut [f32]) -> Option<(f32, f32)> {
     let middle = median(values)?;
-    values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+    for value in &mut *values {
+        *value = (*value - middle).abs();
+    }
     Some((middle, 1.4826 * median(values)?))
 }
 
