@@ -18,7 +18,7 @@ use rand::{Rng, RngExt};
 use skypose::camera::{Camera, Distortion};
 use skypose::detect::edge::{blobs, sifted};
 use skypose::detect::gray::gray;
-use skypose::detect::locate::{Seed, locate};
+use skypose::detect::locate::{Seed, locate, locate_light};
 use skypose::detect::median::median;
 use skypose::detect::sobel::sobel;
 use skypose::detect::{BeaconOptions, ColorOptions, Detector, EdgeOptions, SkyOptions, Stamp, Watch, detect};
@@ -103,7 +103,7 @@ fn marker_row(size_px: [u32; 2], method: &str, shows: &str, detector: &Detector)
     let whole = least_ms(|| drop(black_box(detect(black_box(&frame), frame.full(), detector))));
     let fits = least_ms(|| {
         for seed in &seeds {
-            black_box(locate(&frame, seed, chroma));
+            black_box(if chroma.is_some() { locate(&frame, seed, chroma) } else { locate_light(&frame, seed) });
         }
     });
     format!("{:8}{whole:7.3}{fits:8.3}{:8.3}", found.len(), (whole - fits).max(0.0))

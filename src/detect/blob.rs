@@ -31,7 +31,8 @@ pub struct BlobOptions {
     pub max_centroids: usize,
 }
 
-/// The blobs of a score over `region`, the best first; `chroma` is the direction of their hue, for those located by it, too.
+/// The blobs of a score over `region`, the best first; `chroma` is the direction of their hue, by which discs are
+/// located; without it they are lights.
 pub(super) fn detect(
     frame: &Frame,
     region: Region,

@@ -48,7 +48,7 @@ pub(super) fn fit(
     let mut trust = Trust::FULL;
     let mut sectors: Option<Trust> = None;
     let mut looked = Vec::new();
-    // Of what was located before chroma has said enough.
+    // Of what was located before, chroma has said enough.
     let chroma_passes = if patch.chroma.is_none() || known.is_some() { 0 } else { CHROMA_PASSES };
     let min_passes = chroma_passes + MIN_LUMA_PASSES;
     let mut last = None;
@@ -71,6 +71,7 @@ pub(super) fn fit(
             trust = luma.untrimmed(&base);
             if !is_small && trust.scatter > likeness.trim_scatter {
                 trust = luma.trust(&base, sectors.as_ref());
+                // In luma's first two passes the rim is searched anew: it was not yet where it is.
                 if pass > chroma_passes {
                     sectors = Some(trust.clone());
                 }

@@ -66,10 +66,14 @@ impl Offsets {
     /// Adds the normal equations of the form.
     pub(super) fn add_to(&self, trust: &Trust, normal: &mut FormMatrix, right: &mut Form) {
         for k in 0..SECTORS {
-            let weight = trust.of[k] / self.variance[k];
-            normal.ger(weight, &self.form[k], &self.form[k], 1.0);
-            right.axpy(weight * self.offset[k], &self.form[k], 1.0);
+            self.add_sector(k, trust.of[k], normal, right);
         }
+    }
+
+    fn add_sector(&self, k: usize, trust: f64, normal: &mut FormMatrix, right: &mut Form) {
+        let weight = trust / self.variance[k];
+        normal.ger(weight, &self.form[k], &self.form[k], 1.0);
+        right.axpy(weight * self.offset[k], &self.form[k], 1.0);
     }
 
     fn solved(&self, trust: &Trust, base: &Equations) -> Option<Form> {
@@ -92,8 +96,7 @@ impl Offsets {
         };
         let Some(mut form) = start else { return Trust::NONE };
         let mut trust = Trust::FULL;
-        let rounds = 4;
-        for _ in 0..rounds {
+        for _ in 0..ROUNDS {
             let mut sizes = self.sizes(&form);
             let all = sizes;
             // Five of the sectors are used up: the median of what is left.
@@ -114,9 +117,7 @@ impl Offsets {
     fn agreed(&self, base: &Equations) -> Option<Form> {
         let of_sector = |k: usize| {
             let (mut normal, mut right) = (FormMatrix::zeros(), Form::zeros());
-            let weight = self.variance[k].recip();
-            normal.ger(weight, &self.form[k], &self.form[k], 1.0);
-            right.axpy(weight * self.offset[k], &self.form[k], 1.0);
+            self.add_sector(k, 1.0, &mut normal, &mut right);
             (normal, right)
         };
         let sectors: [Equations; SECTORS] = std::array::from_fn(of_sector);
@@ -174,6 +175,9 @@ impl Offsets {
 
 /// Sectors that are left out together.
 const STRETCH: usize = 7;
+
+/// Rounds of weighing sectors by how far they lie beside the ellipse that the others make.
+const ROUNDS: usize = 4;
 
 /// Sectors that agree better than their pixels' noise allows are believed so far: noise is stated smaller by as much at most.
 const LEAST_SCATTER: f64 = 0.8;
