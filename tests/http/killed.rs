@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::calibrations::{form, request, wall};
 
-const PICTURES: u64 = 12;
+const PICTURES: u64 = 7;
 
 /// The program in a process of its own, ended with the test.
 pub struct Program {
@@ -135,12 +135,12 @@ async fn a_job_whose_process_is_killed_comes_to_the_result_of_one_left_alone() {
 
 #[tokio::test]
 async fn an_evaluation_whose_process_is_killed_comes_to_the_figures_of_one_left_alone() {
-    killed_twice(&json!({"study": "thesis-2012", "runs": 40_000, "solvers": ["epnp+refine"]})).await;
+    killed_twice(&json!({"study": "thesis-2012", "runs": 12_000, "solvers": ["epnp+refine"]})).await;
 }
 
 #[tokio::test]
 async fn encounters_whose_process_is_killed_come_to_the_figures_of_those_left_alone() {
-    killed_twice(&json!({"kind": "encounters", "runs": 150})).await;
+    killed_twice(&json!({"kind": "encounters", "runs": 100})).await;
 }
 
 async fn killed_twice(study: &Value) {

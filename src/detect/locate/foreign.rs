@@ -92,3 +92,79 @@ impl Picture {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Vector2};
+
+    use super::super::lanes::Lanes;
+    use super::super::{Likeness, Seed};
+    use super::*;
+    use crate::frame::{Coding, Frame, Pixels};
+
+    const RADIUS: f32 = 6.0;
+
+    fn patch() -> Patch {
+        let frame = Frame::checked(41, 41, Pixels::Luma(vec![100; 41 * 41]), Coding::LOSSLESS).expect("a frame");
+        let moments = Matrix2::identity() * f64::from(0.25 * RADIUS * RADIUS);
+        let seed = Seed { pixel: Vector2::new(20.0, 20.0), moments, sigma_px: 0.1 };
+        Patch::around(&frame, &seed, &[], None, &Likeness::MARKER).expect("inside the frame")
+    }
+
+    /// Residuals, in deviations of one, of a disc with soft rim.
+    fn looked(patch: &Patch, residual: impl Fn(f32, f32) -> f32) -> Vec<Looked> {
+        let of = |octet: &Octet| {
+            let lanes = |f: &dyn Fn(f32, f32) -> f32| {
+                Lanes(std::array::from_fn(|lane| f(octet.x.0[lane], octet.y.0[lane]) * octet.there.0[lane]))
+            };
+            Looked {
+                residual: lanes(&residual),
+                variance: Lanes::ONE,
+                share: lanes(&|x, y| (RADIUS + 0.5 - x.hypot(y)).clamp(0.0, 1.0)),
+            }
+        };
+        patch.luma.octets().iter().map(of).collect()
+    }
+
+    /// The pixels that are out.
+    fn out(patch: &Patch) -> Vec<(f32, f32)> {
+        let octets = patch.luma.octets().iter();
+        let out = octets.flat_map(|o| o.lanes().filter(|i| o.free.0[*i] == 0.0).map(|i| (o.x.0[i], o.y.0[i])));
+        let mut out: Vec<(f32, f32)> = out.collect();
+        out.sort_by(|a, b| a.partial_cmp(b).expect("whole numbers"));
+        out
+    }
+
+    #[test]
+    fn a_thing_beyond_the_rim_is_followed_into_it_and_no_farther() {
+        let mut patch = patch();
+        // A dark line that runs into the disc from the right and fades; a bright pixel next to it, and one dark pixel by itself in the rim.
+        let residual = |x: f32, y: f32| match (x, y) {
+            (8.0, 0.0) => -9.0,
+            (5.0..8.0, 0.0) => -3.0,
+            (4.0, 0.0) => -2.0,
+            (6.0, 1.0) => 5.0,
+            (-6.0, 0.0) => -5.0,
+            _ => 0.0,
+        };
+        let looked = looked(&patch, residual);
+        take_out(&mut patch, &looked, 1.0);
+        assert_eq!(out(&patch), [(5.0, 0.0), (6.0, 0.0), (7.0, 0.0), (8.0, 0.0)]);
+    }
+
+    #[test]
+    fn what_is_far_off_on_the_disc_is_no_start_and_what_fits_again_is_put_back() {
+        let mut patch = patch();
+        let on_disc = looked(&patch, |x, y| if (x, y) == (2.0, 0.0) { -30.0 } else { 0.0 });
+        take_out(&mut patch, &on_disc, 1.0);
+        assert_eq!(out(&patch), []);
+        let beyond = looked(&patch, |x, y| if (x, y) == (0.0, -8.0) { 30.0 } else { 0.0 });
+        take_out(&mut patch, &beyond, 1.0);
+        assert_eq!(out(&patch), [(0.0, -8.0)]);
+        take_out(&mut patch, &beyond, 5.0);
+        assert_eq!(out(&patch), [], "that is six deviations of more noise");
+        take_out(&mut patch, &beyond, 1.0);
+        take_out(&mut patch, &on_disc, 1.0);
+        assert_eq!(out(&patch), []);
+    }
+}

@@ -104,3 +104,65 @@ pub(super) fn chroma_weights(hue: &Vector2<f64>) -> [f64; 3] {
 const fn single(value: f64) -> f32 {
     value as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::LANES;
+    use super::*;
+
+    const GROUND: Colour = Colour { luma: 140.0, chroma: Vector2::new(8.0, -6.0) };
+    const MARKER: Colour = Colour { luma: 90.0, chroma: Vector2::new(-25.0, 80.0) };
+    const SHARES: Lanes = Lanes([0.0, 0.07, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0]);
+
+    /// Channels as the fit has them: luma, and chroma along the marker's hue.
+    fn channels() -> [([f64; 3], fn(&Colour) -> f64); 2] {
+        fn along(colour: &Colour) -> f64 {
+            MARKER.chroma.normalize().dot(&colour.chroma)
+        }
+        [(LUMA, |colour| colour.luma), (chroma_weights(&MARKER.chroma.normalize()), along)]
+    }
+
+    #[test]
+    fn codes_of_mixed_light_are_those_of_a_sensor() {
+        for (weights, channel) in channels() {
+            let (over, _) = Mixture::of(&GROUND, &MARKER, weights).over_line(SHARES);
+            let (from, to) = (GROUND.codes(), MARKER.codes());
+            for lane in 0..LANES {
+                let share = f64::from(SHARES.0[lane]);
+                // Each colour's light by itself, with the exponent of a sensor, not with what is near it.
+                let mixed = |i: usize| {
+                    let [a, b] = [from[i], to[i]].map(|code| (code / 255.0_f64).powf(2.3));
+                    255.0 * (a + share * (b - a)).powf(1.0 / 2.3)
+                };
+                let code: f64 = (0..3).map(|i| weights[i] * mixed(i)).sum();
+                let line = channel(&GROUND) + share * (channel(&MARKER) - channel(&GROUND));
+                let off = f64::from(over.0[lane]) - (code - line);
+                // What it is for is 18 codes high in luma.
+                assert!(off.abs() < 1.0, "{share}: {off} of {}", code - line);
+            }
+        }
+    }
+
+    #[test]
+    fn the_slope_is_that_of_the_codes() {
+        const STEP: f32 = 1e-2;
+        for (weights, _) in channels() {
+            let mixture = Mixture::of(&GROUND, &MARKER, weights);
+            let inner = SHARES.max(STEP).min(1.0 - STEP);
+            let (ahead, _) = mixture.over_line(inner + Lanes::all(STEP));
+            let (behind, _) = mixture.over_line(inner - Lanes::all(STEP));
+            let (_, slope) = mixture.over_line(inner);
+            for lane in 0..LANES {
+                let difference = (ahead.0[lane] - behind.0[lane]) / (2.0 * STEP);
+                assert!((slope.0[lane] - difference).abs() < 0.02 * difference.abs().max(10.0), "{lane}: {difference}");
+            }
+        }
+    }
+
+    #[test]
+    fn gray_between_equal_codes_stays_on_the_line() {
+        let gray = Colour { luma: 120.0, chroma: Vector2::zeros() };
+        let (over, slope) = Mixture::of(&gray, &gray, LUMA).over_line(SHARES);
+        assert!(over.0.iter().chain(&slope.0).all(|x| x.abs() < 1e-3), "{over:?} {slope:?}");
+    }
+}
