@@ -70,7 +70,6 @@ fn bent(edge_error: f64, ln_blur: f64, more: f64) -> f32 {
 const MAX_DEVIATIONS: f32 = 8.0;
 const MAX_DEVIATIONS_AMID_OTHERS: f32 = 6.0;
 
-
 /// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
 const CHROMA_IN_LUMA: f32 = 1.4;
 
@@ -314,7 +313,11 @@ pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> C
         here.into(&mut rim, sector);
     }
     let [aa, ab, bb, a, b] = sums.map(Lanes::sum);
-    ChromaSums { rim, light: (Matrix2::new(aa, ab, ab, bb), Vector2::new(a, b)), noise: Cut::FAR.deviation(noise.chroma, flat_squares, flat) }
+    ChromaSums {
+        rim,
+        light: (Matrix2::new(aa, ab, ab, bb), Vector2::new(a, b)),
+        noise: Cut::FAR.deviation(noise.chroma, flat_squares, flat),
+    }
 }
 
 /// How noise is told from what is none: squares are cut, so that what is far off counts no more than what is just as far (the scale of

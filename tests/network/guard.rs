@@ -1,17 +1,6 @@
 //! The guarded configurations of `deploy/zenoh`, as they are shipped, at other places: who belongs to them comes through, a stranger does
 //! not come in, and nobody does what is another's.
 
-#![allow(
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    dead_code,
-    reason = "a test says what it takes for granted, and shows its figures; not every test uses all of the station"
-)]
-
-#[path = "http/station.rs"]
-mod station;
-
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command;
@@ -19,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair};
 use serde_json::{Value, json};
-use station::{Station, assert_true_pose, jpeg};
 use tempfile::TempDir;
 use zenoh::Session;
 use zenoh::bytes::{Encoding, ZBytes};
@@ -27,6 +15,8 @@ use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::{Locality, Sample};
+
+use crate::station::{Station, assert_true_pose, jpeg};
 
 const BASE: &str = "skypose/v1/default/alpha";
 /// Longer than anything here takes.

@@ -1,18 +1,6 @@
 //! The Zenoh door, with clients of Zenoh on the other side.
 
-#![allow(
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    dead_code,
-    reason = "a test says what it takes for granted, and shows its figures; not every test uses all of the station"
-)]
-
-#[path = "http/station.rs"]
-mod station;
-
 use std::io::{BufRead, BufReader};
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -21,12 +9,14 @@ use serde_json::{Value, json};
 use skypose::shell::bus::network::{Role, join};
 use skypose::shell::bus::shared::{self, Pool};
 use skypose::shell::config::Settings;
-use station::{Station, assert_true_pose, corpus, jpeg, read, without_timing};
 use zenoh::Session;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
+
+use crate::free_endpoint;
+use crate::station::{self, Station, assert_true_pose, corpus, jpeg, read, without_timing};
 
 const BASE: &str = "skypose/v1/default/alpha";
 /// Longer than anything here takes.
@@ -36,11 +26,6 @@ const SOON: Duration = Duration::from_secs(20);
 const SENT: u64 = 200;
 
 type Listener = Subscriber<FifoChannelHandler<Sample>>;
-
-fn free_endpoint() -> String {
-    let socket = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    format!("tcp/{}", socket.local_addr().expect("bound"))
-}
 
 fn now_us() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970");

@@ -1,23 +1,8 @@
 //! Two services on one network that see each other.
 
-#![allow(
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    dead_code,
-    reason = "a test says what it takes for granted, and shows its figures; not every test uses all of the station"
-)]
-
-#[path = "clients/python.rs"]
-mod python;
-#[path = "http/station.rs"]
-mod station;
-
-use std::net::TcpListener;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
-use python::Peer;
 use serde_json::{Value, json};
 use skypose::encounter::{Manoeuvre, RelativeState, time_left};
 use skypose::geometry::space::{Body, Peer as Other, Target};
@@ -28,12 +13,15 @@ use skypose::scene::models::{demo_camera, wing};
 use skypose::scene::render::{Optics, Sky, render};
 use skypose::shell::bus::network::{Role, join};
 use skypose::shell::config::{Settings, SwarmBody, SwarmCamera};
-use station::Station;
 use tempfile::TempDir;
 use zenoh::Session;
 use zenoh::bytes::Encoding;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
+
+use crate::free_endpoint;
+use crate::python::{self, Peer};
+use crate::station::Station;
 
 /// Longer than anything here takes.
 const SOON: Duration = Duration::from_secs(20);
@@ -45,11 +33,6 @@ const WORN_AT_M: [f64; 3] = [0.1, 0.05, -0.1];
 const FRAME_US: i64 = 50_000;
 const LATE_US: i64 = 10_000;
 const FRAMES: i64 = 12;
-
-fn free_endpoint() -> String {
-    let socket = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    format!("tcp/{}", socket.local_addr().expect("bound"))
-}
 
 fn now_us() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970");

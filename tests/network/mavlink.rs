@@ -1,29 +1,17 @@
 //! MAVLink over real UDP, read by pymavlink.
 
-#![allow(
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    dead_code,
-    reason = "a test says what it takes for granted, and shows its figures; not every test uses all of the station"
-)]
-
-#[path = "clients/python.rs"]
-mod python;
-#[path = "http/station.rs"]
-mod station;
-
 use std::net::TcpListener;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use nalgebra::{Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
-use python::{Peer, python};
 use serde_json::{Value, json};
 use skypose::geometry::rotation;
 use skypose::shell::bus::network::{Role, join};
 use skypose::shell::config::{MavlinkMessage, Settings};
-use station::{Station, jpeg};
 use zenoh::bytes::Encoding;
+
+use crate::python::{Peer, python};
+use crate::station::{self, Station, jpeg};
 
 /// Ends of the stamps, so that they are known again.
 const MICROSECONDS: i64 = 777;

@@ -1,24 +1,9 @@
 //! ROS 2 over Zenoh, with messages that rosbags, another implementation of CDR, writes and reads.
 
-#![allow(
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    dead_code,
-    reason = "a test says what it takes for granted, and shows its figures; not every test uses all of the station"
-)]
-
-#[path = "clients/python.rs"]
-mod python;
-#[path = "http/station.rs"]
-mod station;
-
 use std::fmt::Write as _;
-use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use python::{Peer, python};
 use serde_json::{Value, json};
 use skypose::geometry::{CameraFromTarget, rotation};
 use skypose::scene::models::demo_camera;
@@ -26,18 +11,16 @@ use skypose::shell::bus::network::{Role, join};
 use skypose::shell::bus::ros::messages::{CAMERA_INFO, COMPRESSED_IMAGE, POSE};
 use skypose::shell::bus::ros::names::Attachment;
 use skypose::shell::config::{RosCamera, RosForm};
-use station::{Station, jpeg};
 use zenoh::sample::Sample;
+
+use crate::free_endpoint;
+use crate::python::{Peer, python};
+use crate::station::{self, Station, jpeg};
 
 /// Longer than anything here takes.
 const SOON: Duration = Duration::from_secs(30);
 /// What is imported.
 const MODULES: &str = "zenoh, rosbags.typesys";
-
-fn free_endpoint() -> String {
-    let socket = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    format!("tcp/{}", socket.local_addr().expect("bound"))
-}
 
 /// A station that listens to a camera of ROS, with the stream `front`.
 async fn station(endpoint: &str, form: RosForm, type_hash: bool) -> Station {
