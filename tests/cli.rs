@@ -219,6 +219,8 @@ fn unknown_words_are_bad_input() {
         let said = run(arguments);
         assert_eq!((said.code, said.out.as_str()), (Some(2), ""), "{arguments:?}: {said:?}");
         assert!(!said.err.is_empty(), "{arguments:?}");
+        // Nothing at all is answered by the help.
+        assert!(arguments.is_empty() || said.err.lines().count() == 1, "{arguments:?}: {said:?}");
     }
 }
 
@@ -484,6 +486,35 @@ fn annotated_frames_show_the_frame_with_something_drawn_in() {
     }
     assert_eq!(desk.run(&["detect", "b.png", "--annotate", "found.png"]).code, Some(0));
     assert!(desk.changed("found.png") > 0.0002, "{}", desk.changed("found.png"));
+}
+
+#[test]
+fn annotated_frames_are_jpeg_too_and_what_cannot_be_written_is_told_before_anything_is_lost() {
+    let desk = Desk::new();
+    assert_eq!(desk.run(&["detect", "b.png", "--annotate", "found.jpg"]).code, Some(0));
+    assert!(fs::read(desk.path("found.jpg")).expect("a file").starts_with(&[0xFF, 0xD8]));
+    desk.write("kept.gif", b"somebody's");
+    desk.run(&["detect", "b.png", "--annotate", "kept.gif"]).assert_complains(2, &["kept.gif", "PNG, JPEG"]);
+    assert_eq!(fs::read(desk.path("kept.gif")).expect("a file"), b"somebody's");
+}
+
+#[test]
+fn options_that_would_do_nothing_are_refused() {
+    let desk = Desk::new();
+    desk.write("r.jsonl", br#"{"frame": "b.png"}"#);
+    desk.run(&["detect", "--requests", "r.jsonl", "--color", "green"]).assert_complains(2, &["--color", "--requests"]);
+    desk.run(&["detect", "b.png", "b.png", "--persistent", "2"]).assert_complains(2, &["--persistent", "--sequence"]);
+}
+
+#[test]
+fn a_sequence_says_where_it_begins() {
+    let desk = Desk::new();
+    let said = desk.run(&["detect", "--method", "edge", "--sequence", "b.png", "b.png"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(said.lines()[0]["sequence"]["beginning"], "first");
+    assert!(said.lines()[1]["sequence"]["beginning"].is_null());
+    let said = desk.run(&["detect", "--sequence", "b.png"]);
+    assert!(said.lines()[0]["sequence"].is_null(), "colour follows nothing");
 }
 
 #[test]

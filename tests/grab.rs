@@ -252,6 +252,14 @@ fn a_rate_and_a_region_leave_what_was_asked_for() {
     let said = desk.run(&["grab", "square.mkv", "--out", "few", "--fps", "2"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(times(&desk.list("few")), [0, 500_000]);
+    // And each is the frame of that time.
+    for (few, index) in desk.frames("few").iter().zip([0, 5]) {
+        let (u, v) = red_middle(few);
+        assert!((u - place(index).0).hypot(v - place(index).1) < 0.3, "{index}: {u}, {v}");
+    }
+    let said = desk.run(&["grab", "square.mkv", "--out", "most", "--fps", "60"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(times(&desk.list("most")).len(), 10, "no frame is repeated");
     assert_eq!(desk.run(&["grab", "square.mkv", "--out", "all"]).code, Some(0));
     let said = desk.run(&["grab", "square.mkv", "--out", "part", "--region", "3,5,101,77", "--frames", "4"]);
     assert_eq!(said.code, Some(0), "{said:?}");

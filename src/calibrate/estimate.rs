@@ -135,7 +135,7 @@ pub fn calibrate(
     views: &[Vec<SeenPoint>],
     options: &CalibrateOptions,
 ) -> Result<Calibration, CalibrateError> {
-    let useful: Vec<usize> = (0..views.len()).filter(|index| views[*index].len() >= MIN_POINTS).collect();
+    let useful = useful(views);
     let freedom = freedom_of(size, options)?;
     // A view gives two equations about the camera.
     let need = freedom.count().min(4).div_ceil(2).max(1);
@@ -151,6 +151,29 @@ pub fn calibrate(
         return Err(CalibrateError::TooFewViews { found: kept.view_count(), need, min_points: MIN_POINTS });
     }
     kept.calibration(views, &useful)
+}
+
+/// Views with points enough in which something has moved since each before: the errors of a picture taken twice are the same ones, so
+/// that it would only seem to make them smaller.
+fn useful(views: &[Vec<SeenPoint>]) -> Vec<usize> {
+    let mut useful: Vec<usize> = Vec::with_capacity(views.len());
+    for (index, view) in views.iter().enumerate() {
+        if view.len() >= MIN_POINTS && !useful.iter().any(|before| is_repeated(view, &views[*before])) {
+            useful.push(index);
+        }
+    }
+    useful
+}
+
+/// Of a board that stands still, points move by less than this, px.
+const STILL_PX: f64 = 0.5;
+
+fn is_repeated(view: &[SeenPoint], before: &[SeenPoint]) -> bool {
+    let moved = |seen: &SeenPoint| {
+        before.iter().find(|other| other.point == seen.point).map(|other| (other.pixel - seen.pixel).norm())
+    };
+    let mut moves: Vec<f64> = view.iter().filter_map(moved).collect();
+    2 * moves.len() > view.len() && super::start::median(&mut moves) < STILL_PX
 }
 
 pub(super) fn freedom_of(size: [u32; 2], options: &CalibrateOptions) -> Result<Freedom, CalibrateError> {

@@ -79,6 +79,9 @@ const MAX_FOCAL_RATIO: f64 = 0.01;
 /// A view's error stands out from this many times the median on.
 const DROP_RATIO: f64 = 2.0;
 
+/// But nothing below this does, px.
+const LEAST_DROP_PX: f64 = 0.05;
+
 impl fmt::Display for Weakness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -166,7 +169,7 @@ fn weaknesses(found: &Calibration, views: usize, widest_rad: f64, share: f64) ->
 /// Views whose error stands out, and those that do not count at all.
 fn views_to_drop(found: &Calibration) -> Vec<usize> {
     let mut errors: Vec<f64> = found.views.iter().filter(|view| view.counts()).map(|view| view.rms_px).collect();
-    let limit = DROP_RATIO * super::start::median(&mut errors);
+    let limit = (DROP_RATIO * super::start::median(&mut errors)).max(LEAST_DROP_PX);
     let stands_out = |index: &usize| {
         let view = &found.views[*index];
         view.camera_from_board.is_some() && (!view.counts() || view.rms_px > limit)
@@ -229,10 +232,10 @@ mod tests {
     fn weak_sets_are_told_what_they_lack() {
         let camera = truth(Distortion::None);
         let seen = views(&camera, &chessboard(), 1, 0.1, &mut named("weak sets"));
-        // One view three times, moved by nothing but noise.
+        // One view four times, moved a little in the picture.
         let alike: Vec<Vec<SeenPoint>> = (0..4)
             .map(|k| {
-                let moved = |s: &SeenPoint| SeenPoint { pixel: s.pixel + Vector2::new(0.1 * f64::from(k), 0.0), ..*s };
+                let moved = |s: &SeenPoint| SeenPoint { pixel: s.pixel + Vector2::new(2.0 * f64::from(k), 0.0), ..*s };
                 seen[0].iter().map(moved).collect()
             })
             .collect();

@@ -26,18 +26,21 @@ pub(super) fn decode(bytes: &[u8], wanted: Wanted, limits: Limits) -> Result<Fra
     if !bytes[header.scan..].windows(2).rev().any(|pair| pair == [0xFF, 0xD9]) {
         return Err(FrameError::Truncated { format: "JPEG" });
     }
-    let color = match (header.components, wanted) {
-        (1, _) | (3, Wanted::Luma) => ColorSpace::Luma,
-        (3, Wanted::Native) => ColorSpace::YCbCr,
-        _ => ColorSpace::RGB,
-    };
     // Strict: a picture with damaged data is refused, not repaired with invented pixels.
     let options = DecoderOptions::new_fast()
         .set_strict_mode(true)
         .set_max_width(header.width as usize)
-        .set_max_height(header.height as usize)
-        .jpeg_set_out_colorspace(color);
+        .set_max_height(header.height as usize);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(|e| corrupt(&e.to_string()))?;
+    // Some are stored as red, green and blue; they stay so, whatever is wanted.
+    let color = match (header.components, wanted) {
+        _ if decoder.input_colorspace() == Some(ColorSpace::RGB) => ColorSpace::RGB,
+        (1, _) | (3, Wanted::Luma) => ColorSpace::Luma,
+        (3, Wanted::Native) => ColorSpace::YCbCr,
+        _ => ColorSpace::RGB,
+    };
+    decoder.set_options(options.jpeg_set_out_colorspace(color));
     let samples = decoder.decode().map_err(|e| corrupt(&e.to_string()))?;
     let pixels = match decoder.output_colorspace() {
         Some(ColorSpace::Luma) => Pixels::Luma(samples),

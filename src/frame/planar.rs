@@ -58,21 +58,30 @@ impl Frame {
         let (luma, chroma) = bytes.split_at(width as usize * height as usize);
         let (pixels, coding) = match planar {
             Planar::Mono => (Pixels::Luma(luma.to_vec()), Coding::LOSSLESS),
-            Planar::Full => (Pixels::YCbCr(interleaved(planar, width, luma, chroma)), Coding::LOSSLESS),
+            Planar::Full => {
+                (Pixels::YCbCr(interleaved(planar, width as usize, luma, halves(chroma))), Coding::LOSSLESS)
+            }
             Planar::Pairs | Planar::Squares { .. } => {
-                (Pixels::YCbCr(interleaved(planar, width, luma, chroma)), Coding::SHARED_CHROMA)
+                (Pixels::YCbCr(interleaved(planar, width as usize, luma, halves(chroma))), Coding::SHARED_CHROMA)
             }
         };
         Self::checked(width, height, pixels, coding)
     }
 }
 
-/// The sizes have been checked.
-fn interleaved(planar: Planar, width: u32, luma: &[u8], chroma: &[u8]) -> Vec<u8> {
-    let (columns, _) = planar.chroma_size(width, 1);
-    let (width, columns) = (width as usize, columns as usize);
-    let planes = chroma.split_at(chroma.len() / 2);
-    let rows = planes.0.len() / columns;
+/// Cb and Cr.
+fn halves(chroma: &[u8]) -> [&[u8]; 2] {
+    let (cb, cr) = chroma.split_at(chroma.len() / 2);
+    [cb, cr]
+}
+
+/// The pixels of planes of luma, Cb and Cr, whose sizes have been checked.
+pub(super) fn interleaved(planar: Planar, width: usize, luma: &[u8], planes: [&[u8]; 2]) -> Vec<u8> {
+    let columns = match planar {
+        Planar::Mono | Planar::Full => width,
+        Planar::Pairs | Planar::Squares { .. } => width.div_ceil(2),
+    };
+    let rows = planes[0].len() / columns;
     let mut out = Vec::with_capacity(luma.len() * 3);
     let mut blend = vec![0_u16; columns];
     let (mut cb, mut cr) = (vec![0; width], vec![0; width]);
@@ -83,7 +92,7 @@ fn interleaved(planar: Planar, width: u32, luma: &[u8], chroma: &[u8]) -> Vec<u8
             Planar::Squares { .. } => (y / 2, (y / 2 + 1).min(rows - 1)),
             Planar::Mono | Planar::Full | Planar::Pairs => (y, y),
         };
-        for (plane, spread) in [(planes.0, &mut cb), (planes.1, &mut cr)] {
+        for (plane, spread) in [(planes[0], &mut cb), (planes[1], &mut cr)] {
             let (near, far) = (&plane[near * columns..][..columns], &plane[far * columns..][..columns]);
             for ((sum, &near), &far) in blend.iter_mut().zip(near).zip(far) {
                 *sum = 3 * u16::from(near) + u16::from(far);

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::bayer::{self, Mosaic};
+use super::planar::{Planar, interleaved};
 use super::{Coding, Frame, FrameError, Limits, Pixels, Region};
 
 /// A raw format of 8 bits a sample.
@@ -135,40 +136,69 @@ fn copied(width: usize, channels: usize, bytes: &[u8], part: Region) -> Vec<u8> 
     out
 }
 
-/// The rows of a part and the pairs of columns that it touches.
-fn pairs_of(part: Region) -> (Range<usize>, Range<usize>) {
-    let rows = part.y as usize..(part.y + part.height) as usize;
-    (rows, part.x as usize / 2..((part.x + part.width) as usize).div_ceil(2))
-}
-
+/// Two pixels of a row share their colour, which lies on the left one, as cameras on USB have it.
 fn yuyv_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
-    let mut out = vec![0; bytes.len() / 2 * 3];
-    let (rows, pairs) = pairs_of(part);
-    for y in rows {
-        let at = |pair: usize| y * width / 2 + pair;
-        let (from, to) = (at(pairs.start), at(pairs.end));
-        for (pixels, pair) in out[6 * from..6 * to].chunks_exact_mut(6).zip(bytes[4 * from..4 * to].chunks_exact(4)) {
-            let (cb, cr) = (full_range_chroma(pair[1]), full_range_chroma(pair[3]));
-            pixels.copy_from_slice(&[full_range_luma(pair[0]), cb, cr, full_range_luma(pair[2]), cb, cr]);
+    let height = bytes.len() / (2 * width);
+    full_range(Planar::Pairs, [width, height], part, |planes, rows, columns| {
+        for y in rows {
+            for pair in bytes[2 * y * width..][2 * columns.start..2 * columns.end].chunks_exact(4) {
+                planes.luma.extend([full_range_luma(pair[0]), full_range_luma(pair[2])]);
+                planes.cb.push(full_range_chroma(pair[1]));
+                planes.cr.push(full_range_chroma(pair[3]));
+            }
         }
-    }
-    out
+    })
 }
 
+/// Four pixels share their colour, which lies on the left ones between the rows, as video has it unless it says otherwise.
 fn nv12_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
-    let area = bytes.len() / 3 * 2;
-    let (luma, chroma) = bytes.split_at(area);
-    let mut out = vec![0; area * 3];
-    let (rows, pairs) = pairs_of(part);
-    let columns = 2 * pairs.start..2 * pairs.end;
-    for y in rows {
-        let row = &luma[y * width..][columns.clone()];
-        let colors = &chroma[y / 2 * width..][columns.clone()];
-        let pixels = &mut out[3 * (y * width + columns.start)..3 * (y * width + columns.end)];
-        for ((pixels, pair), color) in pixels.chunks_exact_mut(6).zip(row.chunks_exact(2)).zip(colors.chunks_exact(2)) {
-            let (cb, cr) = (full_range_chroma(color[0]), full_range_chroma(color[1]));
-            pixels.copy_from_slice(&[full_range_luma(pair[0]), cb, cr, full_range_luma(pair[1]), cb, cr]);
+    let (luma, chroma) = bytes.split_at(bytes.len() / 3 * 2);
+    let height = luma.len() / width;
+    full_range(Planar::Squares { on_left: true }, [width, height], part, |planes, rows, columns| {
+        for y in rows {
+            planes.luma.extend(luma[y * width..][columns.clone()].iter().map(|y| full_range_luma(*y)));
+            if y % 2 == 0 {
+                for pair in chroma[y / 2 * width..][columns.clone()].chunks_exact(2) {
+                    planes.cb.push(full_range_chroma(pair[0]));
+                    planes.cr.push(full_range_chroma(pair[1]));
+                }
+            }
         }
+    })
+}
+
+#[derive(Default)]
+struct Planes {
+    luma: Vec<u8>,
+    cb: Vec<u8>,
+    cr: Vec<u8>,
+}
+
+/// The pixels within a part, zero elsewhere; `read` reads rows and columns, which begin and end with whole pairs, as planes of full range.
+fn full_range(
+    planar: Planar,
+    [width, height]: [usize; 2],
+    part: Region,
+    read: impl FnOnce(&mut Planes, Range<usize>, Range<usize>),
+) -> Vec<u8> {
+    // Colour is interpolated from the pairs next to the part, too.
+    let grown = |from: u32, length: u32, most: usize| {
+        let (from, to) = (from as usize, (from + length) as usize);
+        (from & !1).saturating_sub(2)..(to.next_multiple_of(2) + 2).min(most)
+    };
+    let (rows, columns) = (grown(part.y, part.height, height), grown(part.x, part.width, width));
+    let mut planes = Planes::default();
+    read(&mut planes, rows.clone(), columns.clone());
+    let wide = columns.len();
+    let pixels = interleaved(planar, wide, &planes.luma, [&planes.cb, &planes.cr]);
+    if wide == width && rows.len() == height {
+        return pixels;
+    }
+    let mut out = vec![0; 3 * width * height];
+    for y in part.y as usize..(part.y + part.height) as usize {
+        let (x, length) = (part.x as usize, 3 * part.width as usize);
+        let from = 3 * ((y - rows.start) * wide + x - columns.start);
+        out[3 * (y * width + x)..][..length].copy_from_slice(&pixels[from..from + length]);
     }
     out
 }
@@ -235,6 +265,25 @@ mod tests {
             let outside = Region { x: 10, y: 0, width: 7, height: 3 };
             let refused = Frame::from_raw_within(format, width, height, &bytes, outside, Limits::default());
             assert!(matches!(refused, Err(FrameError::RegionOutside { .. })), "{name}");
+        }
+    }
+
+    /// Colour that rises to the right is sampled on the left pixel of each pair, and rises from pixel to pixel.
+    #[test]
+    fn shared_colour_lies_where_cameras_and_video_have_it() {
+        let (width, height) = (16_u8, 6_u8);
+        let colour = |pair: u8| 100 + 4 * pair;
+        let pairs: Vec<u8> = (0..width / 2).flat_map(|pair| [128, colour(pair)]).collect();
+        let row: Vec<u8> = (0..width / 2).flat_map(|pair| [90, 128, 90, colour(pair)]).collect();
+        let yuyv = row.repeat(height.into());
+        let nv12 = [vec![90; usize::from(width) * usize::from(height)], pairs.repeat(usize::from(height) / 2)].concat();
+        for (format, bytes) in [(RawFormat::Yuyv, yuyv), (RawFormat::Nv12, nv12)] {
+            let frame = Frame::from_raw(format, width.into(), height.into(), &bytes, Limits::default()).expect("good");
+            let Pixels::YCbCr(samples) = frame.pixels() else { panic!("YCbCr") };
+            for (x, pixel) in samples.chunks_exact(3).take(usize::from(width) - 1).enumerate() {
+                let wanted = 128.0 + (100.0 + 2.0 * x as f64 - 128.0) * 255.0 / 224.0;
+                assert!((f64::from(pixel[2]) - wanted).abs() < 1.1, "{format:?} {x}: {pixel:?}, {wanted}");
+            }
         }
     }
 

@@ -149,10 +149,26 @@ impl From<std::io::Error> for Stop {
     }
 }
 
+/// Help that was asked for, or in one line what is wrong with the words.
+fn not_understood(error: &clap::Error) -> ExitCode {
+    use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
+    if matches!(error.kind(), DisplayHelp | DisplayVersion | DisplayHelpOnMissingArgumentOrSubcommand) {
+        error.exit();
+    }
+    let text = error.render().to_string();
+    let said = text.strip_prefix("error: ").unwrap_or(&text).lines().map(str::trim);
+    let said = said.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"));
+    super::console::complain(&said.filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" "));
+    ExitCode::from(2)
+}
+
 /// Runs the command line. Exit code 2 for bad input, 1 for a failure of ours.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return not_understood(&error),
+    };
     let result = match cli.command {
         Command::Serve(command) => command.run(),
         Command::Detect(command) => command.run(),

@@ -134,6 +134,37 @@ pub fn boards(count: usize) -> Vec<(String, Vec<u8>)> {
         .collect()
 }
 
+/// The board always turned alike, only moved a little.
+fn alike(count: u32) -> Vec<(String, Vec<u8>)> {
+    let board: Board = "chessboard:9x6:0.025".parse().expect("a board");
+    let camera = study_camera(STUDY_LENSES[1]);
+    let (rays, mut rng) = (Rays::of(&camera), named("the same again"));
+    let first = pose_in_view(&camera, &board, &mut rng);
+    let picture = |number: u32| {
+        let mut pose = first;
+        pose.translation.x += 2e-3 * f64::from(number);
+        let frame = render_sheet(&rays, &pose, &Sheet::of(&board), &Optics::default(), &mut rng);
+        (format!("{number}.jpg"), encode::jpeg(&frame, 92).expect("encodes"))
+    };
+    (0..count).map(picture).collect()
+}
+
+#[tokio::test]
+async fn a_picture_that_comes_twice_counts_once() {
+    let station = Station::start().await;
+    let mut pictures = boards(5);
+    let (again, bytes) = ("again.jpg".to_owned(), pictures[1].1.clone());
+    pictures.push((again, bytes));
+    let mut asked = request();
+    asked["fixed"] = json!(["k3"]);
+    asked["force"] = json!(true);
+    let job = ended(&station, &place_of(&read(post(&station, form(&asked, pictures))).await)).await;
+    assert_eq!(job["status"], "succeeded", "{}", job["error"]);
+    let view = &job["result"]["views"][5];
+    assert_eq!((&view["name"], &view["counts"]), (&json!("again.jpg"), &json!(false)));
+    assert!(view["reason"].as_str().expect("words").contains("earlier picture"), "{view}");
+}
+
 #[tokio::test]
 async fn pictures_become_a_stored_camera_with_a_report() {
     let station = Station::start().await;
@@ -185,8 +216,7 @@ async fn every_picture_that_is_left_out_is_named_and_the_others_are_used() {
 #[tokio::test]
 async fn a_weak_set_is_refused_with_what_is_missing_unless_forced() {
     let station = Station::start().await;
-    let one = boards(1).remove(0);
-    let alike: Vec<(String, Vec<u8>)> = (0..4).map(|n| (format!("{n}.jpg"), one.1.clone())).collect();
+    let alike = alike(4);
     let job = ended(&station, &place_of(&read(post(&station, form(&request(), alike.clone()))).await)).await;
     assert_eq!((&job["status"], &job["result"]["reason"]), (&json!("failed"), &json!("weak_geometry")), "{job}");
     assert!(job["result"]["missing"][0].as_str().expect("words").contains("tilt"), "{job}");

@@ -16,6 +16,14 @@ const GATE: f64 = 4.5;
 /// A view does not count where its median error is this many times that of all views.
 const VIEW_GATE: f64 = 6.0;
 
+/// A view counts where this share of its points fits.
+const LEAST_FITTING: f64 = 2.0 / 3.0;
+
+/// The noise that gates stand by: what is within the deviation that its picture told is not wrong, however little the others scatter.
+const fn gate_scale(scale: f64) -> f64 {
+    scale.max(1.0)
+}
+
 /// Points by view, those that count only, their deviations with what the model lacks.
 pub(super) struct Kept<'a> {
     bundle: Bundle<'a>,
@@ -50,10 +58,16 @@ pub(super) fn without_what_is_wrong<'a>(bundle: &Bundle<'a>, fit: Fit) -> Result
                 bundle.residual(&state.camera, pose, seen).map_or(f64::INFINITY, |r| r.norm() / seen.sigma_px)
             };
             let all: Vec<f64> = seen.iter().map(distance).collect();
-            let counts = seen.iter().zip(&all).filter(|(_, distance)| **distance <= GATE * scale);
+            let counts = seen.iter().zip(&all).filter(|(_, distance)| **distance <= GATE * gate_scale(scale));
             let inliers: Vec<SeenPoint> = counts.map(|(seen, _)| *seen).collect();
-            let (points, need) = (seen.len(), MIN_POINTS);
-            let reason = if median(&mut all.clone()) / MEDIAN_DISTANCE > VIEW_GATE * scale {
+            let points = seen.len();
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "no more than there are points"
+            )]
+            let need = MIN_POINTS.max((LEAST_FITTING * points as f64).ceil() as usize);
+            let reason = if median(&mut all.clone()) / MEDIAN_DISTANCE > VIEW_GATE * gate_scale(scale) {
                 let distance_px = |seen| bundle.residual(&state.camera, pose, seen).map_or(f64::INFINITY, |r| r.norm());
                 let mut all_px: Vec<f64> = seen.iter().map(distance_px).collect();
                 Some(LeftOut::DoesNotFit { median_px: median(&mut all_px) })
@@ -136,7 +150,13 @@ impl Kept<'_> {
 
     /// Why a view of so many points that has this position in the bundle's views, if it has one, does not count.
     fn reason(&self, place: Option<usize>, points: usize) -> LeftOut {
-        let Some(place) = place else { return LeftOut::TooFewPoints { points, need: MIN_POINTS } };
+        let Some(place) = place else {
+            return if points < MIN_POINTS {
+                LeftOut::TooFewPoints { points, need: MIN_POINTS }
+            } else {
+                LeftOut::Repeated
+            };
+        };
         let told = self.left_out.iter().find(|(left, _)| *left == place);
         told.map_or(LeftOut::NoPose, |(_, reason)| *reason)
     }
@@ -178,7 +198,7 @@ impl Kept<'_> {
                 None => pose_alone(&self.bundle, &camera, seen),
             };
             let seen: Vec<SeenPoint> = seen.iter().map(|seen| less_certain(seen, self.model_error_px)).collect();
-            let counts = kept.map(|_| GATE * self.scale).ok_or_else(|| self.reason(place, seen.len()));
+            let counts = kept.map(|_| GATE * gate_scale(self.scale)).ok_or_else(|| self.reason(place, seen.len()));
             views.push(fitted(&bundle, &camera, pose, &seen, counts));
         }
         Ok(Calibration {

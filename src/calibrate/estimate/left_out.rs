@@ -13,6 +13,9 @@ pub enum LeftOut {
         /// Points that a view needs.
         need: usize,
     },
+    /// Neither board nor camera has moved since an earlier view.
+    #[error("the board is where an earlier picture has it, so it tells nothing new: move the board or the camera")]
+    Repeated,
     /// The board has no pose in which the points could be seen so.
     #[error("no pose of the board explains its points")]
     NoPose,

@@ -29,6 +29,9 @@ fn held(size: [u32; 2], options: &CalibrateOptions, camera: &Camera) -> Result<C
         if options.fixed.principal_point {
             parameters.fixed_rows_mut::<2>(2).copy_from(&middle(size));
         }
+        for (index, _) in options.fixed.coefficients.iter().enumerate().filter(|(_, fixed)| **fixed) {
+            parameters[4 + index] = 0.0;
+        }
     }
     camera_of(size, &options.lens, &parameters)
 }
@@ -38,7 +41,7 @@ pub(super) fn robust_fit(bundle: &Bundle<'_>, options: &CalibrateOptions) -> Res
     let mut best: Option<Fit> = None;
     for (camera, poses) in starts(bundle, options.guess.as_ref()).into_iter().take(3) {
         let camera = held(bundle.size, options, &camera)?;
-        let Some(fit) = robust_fit_from(bundle, &camera, poses) else { continue };
+        let Some(fit) = robust_fit_from(bundle, &camera, poses, &options.fixed) else { continue };
         let is_better = best.as_ref().is_none_or(|best| fit.scale < 0.9 * best.scale);
         if is_better {
             best = Some(fit);
@@ -65,14 +68,19 @@ pub(super) struct Fit {
     pub scale_px: f64,
 }
 
-fn robust_fit_from(bundle: &Bundle<'_>, camera: &Camera, poses: Vec<Option<CameraFromBoard>>) -> Option<Fit> {
+fn robust_fit_from(
+    bundle: &Bundle<'_>,
+    camera: &Camera,
+    poses: Vec<Option<CameraFromBoard>>,
+    fixed: &Fixed,
+) -> Option<Fit> {
     let places: Vec<usize> = (0..poses.len()).filter(|place| poses[*place].is_some()).collect();
     let views: Vec<&[SeenPoint]> = places.iter().map(|place| bundle.views[*place]).collect();
     let mut state = state_of(camera, poses.into_iter().flatten().collect());
     // First what bends most: one focal length and the first coefficient.
     let held = Fixed {
         principal_point: true,
-        coefficients: [false, true, true, true, true, true, true, true],
+        coefficients: [fixed.coefficients[0], true, true, true, true, true, true, true],
         aspect_ratio: true,
     };
     let aspect = camera.focal_lengths()[0] / camera.focal_lengths()[1];

@@ -247,6 +247,76 @@ fn what_is_held_stays() {
 }
 
 #[test]
+fn a_coefficient_that_is_held_is_zero_though_the_views_say_otherwise() {
+    let board = chessboard();
+    let camera = Camera::checked(SIZE, [530.0; 2], [319.5, 239.5], Distortion::PlumbBob([-0.28, 0.09, 0.0, 0.0, 0.0]))
+        .expect("a camera");
+    let views = views(&camera, &board, 8, 0.1, &mut named("held at zero"));
+    for coefficients in [[true; 8], [true, false, false, false, false, false, false, false]] {
+        let fixed = Fixed { coefficients, ..Fixed::default() };
+        let options = CalibrateOptions { fixed, ..options(*camera.distortion()) };
+        let found = calibrate(SIZE, &board, &views, &options).expect("a camera");
+        let held = found.camera.distortion().coefficients().iter().zip(coefficients).filter(|(_, held)| *held);
+        assert!(held.into_iter().all(|(k, _)| *k == 0.0), "{:?}", found.camera);
+        assert!(found.standard_deviations[4].abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_view_of_what_stands_still_does_not_count_twice() {
+    let board = chessboard();
+    let lens = Distortion::PlumbBob([-0.28, 0.09, 0.0, 0.0, 0.0]);
+    let mut seen = views(&truth(lens), &board, 5, 0.1, &mut named("still"));
+    let alone = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera");
+    let shifted = |view: &[SeenPoint], by: f64| -> Vec<SeenPoint> {
+        view.iter().map(|s| SeenPoint { pixel: s.pixel + Vector2::new(by, 0.0), ..*s }).collect()
+    };
+    seen.push(seen[1].clone());
+    seen.push(shifted(&seen[2], 0.2));
+    let found = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera");
+    assert_eq!(found.camera, alone.camera);
+    for view in &found.views[5..] {
+        assert_eq!(view.left_out, Some(LeftOut::Repeated));
+    }
+    // Half of another view of the same board has moved.
+    seen.truncate(5);
+    seen.push(shifted(&seen[3], 3.0));
+    let found = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera");
+    assert!(found.views[5].counts());
+}
+
+#[test]
+fn what_is_within_the_deviation_that_its_picture_told_is_not_wrong() {
+    let board = chessboard();
+    let lens = Distortion::None;
+    let mut seen = views(&truth(lens), &board, 8, 0.01, &mut named("cautious deviations"));
+    for point in seen.iter_mut().flatten() {
+        point.sigma_px = 0.1;
+    }
+    // One view is worse than the others, but not than it says.
+    for (index, point) in seen[3].iter_mut().enumerate() {
+        point.pixel.x += if index % 2 == 0 { 0.1 } else { -0.1 };
+    }
+    let found = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera");
+    assert!(found.views.iter().all(FittedView::counts));
+    assert_eq!(found.views[3].inliers.iter().filter(|counts| **counts).count(), seen[3].len());
+}
+
+#[test]
+fn a_view_of_which_much_does_not_fit_does_not_count() {
+    let board = chessboard();
+    let lens = Distortion::None;
+    let mut seen = views(&truth(lens), &board, 8, 0.1, &mut named("half a view"));
+    let wrong = seen[2].len() * 2 / 5;
+    for point in &mut seen[2][..wrong] {
+        point.pixel.y += 5.0;
+    }
+    let found = calibrate(SIZE, &board, &seen, &options(lens)).expect("a camera");
+    assert!(!found.views[2].counts(), "{:?}", found.views[2]);
+    assert_eq!(found.views.iter().filter(|view| view.counts()).count(), 7);
+}
+
+#[test]
 fn too_little_is_refused() {
     let board = chessboard();
     let camera = truth(Distortion::None);

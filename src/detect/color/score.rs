@@ -1,6 +1,6 @@
 //! The score of every pixel: how far its chroma reaches into the marker's sector of hues.
 
-use nalgebra::{Matrix2x3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
 use super::HueRange;
 use crate::frame::{Frame, Pixels, Region};
@@ -17,11 +17,15 @@ pub(super) fn score(frame: &Frame, region: Region, hue: &HueRange) -> Option<Vec
         Pixels::Rgb(samples) => (samples, edges.map(of_rgb)),
     };
     let scoring = Scoring::of(forms);
+    let gate = match frame.pixels() {
+        Pixels::YCbCr(_) => Gate::of(edges, scoring.bits),
+        Pixels::Rgb(_) | Pixels::Luma(_) => None,
+    };
     let width = region.width as usize;
     let mut scores = vec![0; region.area()];
     for (y, row) in (region.y..).zip(scores.chunks_exact_mut(width)) {
         let start = (y as usize * frame.width() as usize + region.x as usize) * 3;
-        score_row(&samples[start..start + width * 3], scoring, row);
+        score_row(&samples[start..start + width * 3], scoring, gate.as_ref(), row);
     }
     Some(scores)
 }
@@ -38,11 +42,13 @@ const LANES: usize = 32;
     "x86_64+avx2",
     "x86_64+sse4.1+ssse3"
 ))]
-fn score_row(samples: &[u8], scoring: Scoring, scores: &mut [u8]) {
+fn score_row(samples: &[u8], scoring: Scoring, gate: Option<&Gate>, scores: &mut [u8]) {
     let (blocks, rest) = samples.as_chunks::<{ 3 * LANES }>();
     let (out_blocks, out_rest) = scores.as_chunks_mut::<LANES>();
     for (block, out) in blocks.iter().zip(out_blocks) {
-        scoring.write(block, out);
+        if gate.is_none_or(|gate| gate.lets_through(block)) {
+            scoring.write(block, out);
+        }
     }
     let (mut block, mut out) = ([0; 3 * LANES], [0; LANES]);
     block[..rest.len()].copy_from_slice(rest);
@@ -63,6 +69,46 @@ fn of_ycbcr(edge: Vector2<f64>) -> Form {
 fn of_rgb(edge: Vector2<f64>) -> Form {
     let chroma_of_rgb = Matrix2x3::new(-0.168_736, -0.331_264, 0.5, 0.5, -0.418_688, -0.081_312);
     Form { weights: chroma_of_rgb.tr_mul(&edge), offset: 0.0 }
+}
+
+/// What a block of Y, Cb, Cr must have in one of its pixels for any to score: chroma on the sector's side of gray, above 128 or below it in
+/// one band. That is told without taking bands apart, and most of a sky has none.
+struct Gate {
+    /// Turns samples that are to be low into such that are to be high.
+    flip: [u8; 3 * LANES],
+    /// Samples are to be above this; those of other bands never are.
+    limit: [u8; 3 * LANES],
+}
+
+impl Gate {
+    /// `None` where the sector lies on no side of gray alone. Scores have so many fraction bits.
+    fn of(edges: [Vector2<f64>; 2], bits: u32) -> Option<Self> {
+        // A side that is a sum of both edges with no negative share is at least as high as their smaller product times the shares.
+        let shares = |side: &Vector2<f64>| Matrix2::from_columns(&edges).try_inverse().map(|inverse| inverse * side);
+        let sides = [Vector2::x(), -Vector2::x(), Vector2::y(), -Vector2::y()];
+        let reached =
+            |side: &Vector2<f64>| shares(side).filter(|shares| shares.min() >= 0.0).map(|shares| shares.sum());
+        let best = sides.iter().filter_map(|side| Some((side, reached(side)?))).max_by(|a, b| a.1.total_cmp(&b.1));
+        let (side, height) = best?;
+        // A score of one may be half by rounding, and less by what products lose.
+        let least = (height * (0.5 - 2.0 / f64::from(1 << bits))).ceil();
+        let is_low = side.sum() < 0.0;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "near the middle of a byte")]
+        let above = (if is_low { 126.0 } else { 127.0 } + least) as u8;
+        let band = if side.x == 0.0 { 2 } else { 1 };
+        let of_band = |inside: u8, outside: u8| std::array::from_fn(|i| if i % 3 == band { inside } else { outside });
+        Some(Self { flip: of_band(if is_low { 255 } else { 0 }, 0), limit: of_band(above, 255) })
+    }
+
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    fn lets_through(&self, block: &[u8; 3 * LANES]) -> bool {
+        let mut beyond = 0;
+        for ((sample, flip), limit) in block.iter().zip(&self.flip).zip(&self.limit) {
+            beyond |= (sample ^ flip).saturating_sub(*limit);
+        }
+        beyond != 0
+    }
 }
 
 /// Both forms in 16 bits.
@@ -208,12 +254,17 @@ mod tests {
 
         #[test]
         fn blocks_of_pixels_score_as_one_pixel_does(
-            pixels in proptest::collection::vec(any::<[u8; 3]>(), 1..100), half_width_deg in 1.0..60.0, is_rgb in any::<bool>()
+            pixels in proptest::collection::vec(any::<[u8; 3]>(), 1..100), centre_deg in 0.0..360.0, half_width_deg in 1.0..60.0,
+            is_rgb in any::<bool>(), pale in 0_u32..8
         ) {
-            let edges = HueRange { half_width_deg, ..HueRange::RED }.edges();
+            // Pale colours are those that hardly score.
+            let paled = |sample: u8| 128_u8.wrapping_add_signed(sample.wrapping_sub(128).cast_signed() >> pale);
+            let pixels: Vec<[u8; 3]> = pixels.into_iter().map(|pixel| pixel.map(paled)).collect();
+            let edges = HueRange { centre_deg, half_width_deg }.edges();
             let scoring = Scoring::of(if is_rgb { edges.map(of_rgb) } else { edges.map(of_ycbcr) });
+            let gate = Gate::of(edges, scoring.bits).filter(|_| !is_rgb);
             let mut scores = vec![0; pixels.len()];
-            score_row(&pixels.concat(), scoring, &mut scores);
+            score_row(&pixels.concat(), scoring, gate.as_ref(), &mut scores);
             let slow: Vec<u8> = pixels.iter().map(|pixel| slow_score(&scoring, *pixel)).collect();
             prop_assert_eq!(scores, slow);
         }

@@ -114,17 +114,16 @@ mod tests {
     const MARKER: Colour = Colour { luma: 90.0, chroma: Vector2::new(-25.0, 80.0) };
     const SHARES: Lanes = Lanes([0.0, 0.07, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0]);
 
-    /// Channels as the fit has them: luma, and chroma along the marker's hue.
-    fn channels() -> [([f64; 3], fn(&Colour) -> f64); 2] {
-        fn along(colour: &Colour) -> f64 {
-            MARKER.chroma.normalize().dot(&colour.chroma)
-        }
-        [(LUMA, |colour| colour.luma), (chroma_weights(&MARKER.chroma.normalize()), along)]
+    /// Weights of the channels as the fit has them, and their codes of ground and marker: luma, and chroma along the marker's hue.
+    fn channels() -> [([f64; 3], [f64; 2]); 2] {
+        let hue = MARKER.chroma.normalize();
+        let codes = |of: fn(&Colour, &Vector2<f64>) -> f64| [GROUND, MARKER].map(|colour| of(&colour, &hue));
+        [(LUMA, codes(|colour, _| colour.luma)), (chroma_weights(&hue), codes(|colour, hue| hue.dot(&colour.chroma)))]
     }
 
     #[test]
     fn codes_of_mixed_light_are_those_of_a_sensor() {
-        for (weights, channel) in channels() {
+        for (weights, [ground, marker]) in channels() {
             let (over, _) = Mixture::of(&GROUND, &MARKER, weights).over_line(SHARES);
             let (from, to) = (GROUND.codes(), MARKER.codes());
             for lane in 0..LANES {
@@ -135,7 +134,7 @@ mod tests {
                     255.0 * (a + share * (b - a)).powf(1.0 / 2.3)
                 };
                 let code: f64 = (0..3).map(|i| weights[i] * mixed(i)).sum();
-                let line = channel(&GROUND) + share * (channel(&MARKER) - channel(&GROUND));
+                let line = ground + share * (marker - ground);
                 let off = f64::from(over.0[lane]) - (code - line);
                 // What it is for is 18 codes high in luma.
                 assert!(off.abs() < 1.0, "{share}: {off} of {}", code - line);

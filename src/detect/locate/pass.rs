@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
 use super::Likeness;
 use super::ellipse::{Ellipse, FORM, LOGISTIC};
-use super::lanes::Lanes;
+use super::lanes::{LANES, Lanes};
 use super::mixture::Mixtures;
 use super::patch::{Channel, Octet, Patch};
 use super::rim::{Rim, SECTORS, Trust};
@@ -69,6 +69,9 @@ fn bent(edge_error: f64, ln_blur: f64, more: f64) -> f32 {
 /// Residuals beyond this many standard deviations belong to something else; beyond fewer where there is something else.
 const MAX_DEVIATIONS: f32 = 8.0;
 const MAX_DEVIATIONS_AMID_OTHERS: f32 = 6.0;
+
+/// A share times what is left of one, below which a pixel is not at the edge.
+const LEVEL: f32 = 0.075;
 
 /// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
 const CHROMA_IN_LUMA: f32 = 1.4;
@@ -205,8 +208,7 @@ pub(super) fn gather(
     let mut moment = [Lanes::ZERO; 4];
     let mut cross = [Lanes::ZERO; 4];
     let (mut blur, mut blur_pull) = (Lanes::ZERO, Lanes::ZERO);
-    let (max_deviations, cut) =
-        if amid_others { (MAX_DEVIATIONS_AMID_OTHERS, &Cut::NEAR) } else { (MAX_DEVIATIONS, &Cut::FAR) };
+    let max_deviations = if amid_others { MAX_DEVIATIONS_AMID_OTHERS } else { MAX_DEVIATIONS };
     looked.clear();
     let (mut flat, mut flat_squares) = (Lanes::ZERO, Lanes::ZERO);
     let chroma_bend = Lanes::all((CHROMA_IN_LUMA * single(light.chroma.x)).powi(2));
@@ -226,7 +228,7 @@ pub(super) fn gather(
             here.add(&said, &place);
             let level = octet.free * (Lanes::ONE - edge);
             flat += level;
-            flat_squares += level * (said.residual * said.residual).min(cut.at * cut.at * noise_squared);
+            flat_squares += level * (said.residual * said.residual).min(CUT * CUT * noise_squared);
             looked.push(Looked { residual: said.residual, variance, share: cover.share });
             let weighted = said.weight * trusted;
             let by = [cover.share, Lanes::ONE, octet.x, octet.y];
@@ -262,8 +264,38 @@ pub(super) fn gather(
         light: (normal, Vector4::from(moment.map(Lanes::sum))),
         cross: Matrix2::from_row_slice(&cross.map(Lanes::sum)),
         blur: (blur.sum(), blur_pull.sum()),
-        noise: cut.deviation(noise.luma, flat_squares, flat),
+        noise: if amid_others { level_noise(patch, looked, noise.luma) } else { deviation(flat_squares, flat) },
     }
+}
+
+/// Bins for each deviation in which sizes are counted, and how many.
+const FINE: f32 = 24.0;
+const BINS: usize = 128;
+
+/// The noise that most pixels beside the edge have, whatever the others are: by the median of sizes, counted in bins of the noise `before`.
+/// Where more than half are beyond the last bin it is that bin's, and the next pass goes on from there.
+fn level_noise(patch: &Patch, looked: &[Looked], before: f64) -> f64 {
+    let mut counts = [0_u32; BINS + 1];
+    let scale = FINE / single(before);
+    for (octet, looked) in patch.luma.octets().iter().zip(looked) {
+        for lane in 0..LANES {
+            let share = looked.share.0[lane];
+            let counts_here = octet.free.0[lane] > 0.0 && share * (1.0 - share) < LEVEL;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to BINS")]
+            let bin = (looked.residual.0[lane].abs() * scale).min(BINS as f32) as usize;
+            counts[bin] += u32::from(counts_here);
+        }
+    }
+    let half = 0.5 * f64::from(counts.iter().sum::<u32>());
+    let mut below = 0.0;
+    for (bin, count) in counts.iter().map(|count| f64::from(*count)).enumerate() {
+        if below + count >= half && count > 0.0 {
+            let within = if bin == BINS { 0.0 } else { (half - below) / count };
+            return 1.4826 * (bin as f64 + within) / f64::from(scale);
+        }
+        below += count;
+    }
+    0.0
 }
 
 /// What chroma says.
@@ -308,40 +340,20 @@ pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> C
             sums[4] += said.weight * residual;
             let level = octet.there * (Lanes::ONE - edge);
             flat += level;
-            flat_squares += level * (residual * residual).min(Cut::FAR.at * Cut::FAR.at * noise_squared);
+            flat_squares += level * (residual * residual).min(CUT * CUT * noise_squared);
         }
         here.into(&mut rim, sector);
     }
     let [aa, ab, bb, a, b] = sums.map(Lanes::sum);
-    ChromaSums {
-        rim,
-        light: (Matrix2::new(aa, ab, ab, bb), Vector2::new(a, b)),
-        noise: Cut::FAR.deviation(noise.chroma, flat_squares, flat),
-    }
+    ChromaSums { rim, light: (Matrix2::new(aa, ab, ab, bb), Vector2::new(a, b)), noise: deviation(flat_squares, flat) }
 }
 
-/// How noise is told from what is none: squares are cut, so that what is far off counts no more than what is just as far (the scale of
-/// Huber's "Robust Statistics", 1981).
-struct Cut {
-    /// Where, in deviations.
-    at: f32,
-    /// Mean square of a normal variable that is so cut.
-    mean_square: f64,
-    /// How much the logarithm of the square that is looked for is farther off than the logarithm of the mean.
-    step: f64,
-}
+/// Squares are cut at so many deviations.
+const CUT: f32 = 3.0;
 
-impl Cut {
-    /// Little is none.
-    const FAR: Self = Self { at: 3.0, mean_square: 0.97, step: 1.0 };
-    /// Up to half is none: the mean is half of the largest.
-    const NEAR: Self = Self { at: 1.04, mean_square: 0.541, step: 2.5 };
-
-    /// The deviation; `before` is the one by which squares were cut.
-    fn deviation(&self, before: f64, squares: Lanes, count: Lanes) -> f64 {
-        let mean = squares.sum() / (self.mean_square * count.sum().max(1.0));
-        before * (mean / (before * before)).powf(0.5 * self.step)
-    }
+/// Where they are cut at three deviations, the mean square of a normal variable is 0.97 of its variance.
+fn deviation(squares: Lanes, count: Lanes) -> f64 {
+    (squares.sum() / (0.97 * count.sum().max(1.0))).sqrt()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]

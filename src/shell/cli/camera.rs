@@ -23,7 +23,7 @@ pub(super) struct CameraFile {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// The camera of this part of its pictures: x, y, width, height, px.
-    #[arg(long, value_name = "X,Y,W,H")]
+    #[arg(long, value_name = "X,Y,W,H", allow_hyphen_values = true)]
     crop: Option<Numbers<4>>,
     /// The camera of its pictures, or of the part, at another size, px.
     #[arg(long, value_name = "WxH")]

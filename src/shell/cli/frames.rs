@@ -31,13 +31,15 @@ struct Frames {
     #[arg(value_name = "FRAME|VIDEO|FOLDER", required_unless_present = "requests")]
     inputs: Vec<PathBuf>,
     /// Read requests instead, JSON objects as in the API one after another, each with "frame": "path"; - is standard input.
-    #[arg(long, value_name = "FILE", conflicts_with = "inputs")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = [
+        "inputs", "method", "preset", "color", "hue", "sample", "gray", "median", "threshold", "min_score", "min_area", "region",
+    ])]
     requests: Option<PathBuf>,
     /// Take the frames as a sequence: each reply carries its number, and edge follows what it finds from frame to frame. Those of a
     /// video always are one.
     #[arg(long)]
     sequence: bool,
-    /// Draw what was found: a picture for a single frame, a folder for several.
+    /// Draw what was found: a picture (PNG, JPEG, BMP, TIFF, WebP or PNM) for a single frame, a folder for several.
     #[arg(long, value_name = "OUT")]
     annotate: Option<PathBuf>,
     /// Method of detection: color (markers), beacon (LEDs in the dark), or edge (what flies, without markers).
@@ -50,7 +52,7 @@ struct Frames {
     #[arg(long)]
     color: Option<String>,
     /// The markers' hues instead, in degrees of the colour circle: from,to, as in 340,20.
-    #[arg(long, value_name = "FROM,TO", value_parser = hues, conflicts_with = "color")]
+    #[arg(long, value_name = "FROM,TO", value_parser = hues, conflicts_with = "color", allow_hyphen_values = true)]
     hue: Option<[f64; 2]>,
     /// Learn the markers' hue from this place in each frame, as from a click: x,y,width,height in pixels. The reply has the hues for --hue.
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, conflicts_with_all = ["color", "hue"])]
@@ -71,7 +73,7 @@ struct Frames {
     #[arg(long, value_name = "AREA")]
     min_area: Option<f64>,
     /// Look only here: x,y,width,height in pixels.
-    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region, allow_hyphen_values = true)]
     region: Option<[u32; 4]>,
     /// What to do with an orientation that a file states (EXIF): ignore or apply.
     #[arg(long, default_value = "ignore", value_parser = named::<OrientationHandling>)]
@@ -96,19 +98,19 @@ pub(super) struct Estimate {
     #[command(flatten)]
     frames: Frames,
     /// The camera: a file (JSON, ROS' YAML, OpenCV's YAML or XML), or with --data the name of a stored one.
-    #[arg(long, value_name = "FILE", required_unless_present = "requests")]
+    #[arg(long, value_name = "FILE", required_unless_present = "requests", conflicts_with = "requests")]
     camera: Option<PathBuf>,
     /// A target to look for: a JSON file, or with --data the name of a stored one. May be given several times; edge needs none.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "requests")]
     target: Vec<PathBuf>,
     /// Most of each target to look for; further ones are further entries of the reply.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "requests")]
     max_instances: usize,
     /// Method for the pose: auto, homography, epnp, posit, ippe, p3p or sqpnp.
-    #[arg(long, default_value = "auto", value_parser = named::<SolverName>)]
+    #[arg(long, default_value = "auto", value_parser = named::<SolverName>, conflicts_with = "requests")]
     solver: SolverName,
     /// Leave the pose as the method gives it, without refinement.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "requests")]
     no_refine: bool,
 }
 
@@ -279,6 +281,10 @@ fn run(
     let jobs = frames.jobs(request)?;
     let sources: Vec<&Path> = jobs.iter().map(|job| job.path.as_path()).collect();
     let has_videos = jobs.iter().any(|job| job.is_video);
+    if persistence.is_some() && !frames.sequence && !has_videos {
+        let detail = "--persistent is for frames that follow each other: --sequence, or a video";
+        return Err(Fault::new(FaultKind::Senseless, detail.to_owned()).into());
+    }
     let mut looking = Looking {
         kind,
         terms: Terms::of(&settings),
@@ -305,12 +311,15 @@ fn run(
         if let (true, Ok(task)) = (job.is_video, &task) {
             // What lasted in one video tells nothing of the next.
             looking.memory = Memory::new(true, persistence);
-            looking.at_video(&Source::of(&job.path), task.clone(), &grabbing)?;
+            let source = Source::of(&job.path);
+            let task = in_sequence(task.clone(), &source.to_string());
+            looking.at_video(&source, task, &grabbing)?;
         } else {
             let source = job.path.display().to_string();
             let answer = task.and_then(|task| {
                 let bytes = std::fs::read(&job.path).map_err(|error| unreadable_source(&error))?;
                 let task = if frames.annotate.is_some() { task.shown() } else { task };
+                let task = if frames.sequence { in_sequence(task, SEQUENCE) } else { task };
                 looking.answer(Seen::Bytes(&bytes), &task, &job.path)
             });
             bar.suspend(|| looking.tell(&source, (frames.sequence.then_some(index as u64), None), job.id, answer))?;
@@ -322,6 +331,14 @@ fn run(
     }
     bar.finish_and_clear();
     looking.failures.into_result()
+}
+
+/// Name of the sequence that single frames make.
+const SEQUENCE: &str = "frames";
+
+/// Of a sequence, so that the reply says where one begins, if the method follows any and the request names none.
+fn in_sequence(task: FrameTask, name: &str) -> FrameTask {
+    if task.is_sequential() && task.sequence().is_none() { task.of_sequence(name) } else { task }
 }
 
 /// What is known of the frames before.

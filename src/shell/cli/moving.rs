@@ -11,7 +11,7 @@ use crate::shell::grab::{Deinterlace, Grabber, Options, Source};
 /// How videos, streams and webcams are read. The program ffmpeg does it.
 #[derive(Args, Clone, Debug)]
 pub(super) struct MovingArgs {
-    /// Videos: frames a second, by repeating and leaving out [default: all frames, as they come].
+    /// Videos: frames a second at most, each with its own time; the others are left out [default: all frames, as they come].
     #[arg(long, value_name = "N", value_parser = rate)]
     pub(super) fps: Option<f64>,
     /// Videos: what is done about interlaced ones. Auto goes by what each frame says of itself.

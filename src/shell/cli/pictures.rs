@@ -3,10 +3,20 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use image::ImageFormat;
+
 use crate::annotate::{Overlay, annotate};
 use crate::frame::Frame;
+use crate::scene::encode;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::FrameTask;
+
+/// What annotated frames are written as.
+const FORMATS: [ImageFormat; 6] =
+    [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tiff, ImageFormat::WebP, ImageFormat::Pnm];
+
+/// Of a JPEG.
+const QUALITY: u8 = 92;
 
 /// Where annotated frames go; never over the frames themselves.
 pub(super) enum Pictures {
@@ -32,6 +42,13 @@ impl Pictures {
             if out.canonicalize().is_ok_and(|out| taken.contains(&out)) {
                 let detail = format!("{}: the annotated frame would replace the frame itself", out.display());
                 return Err(Fault::new(FaultKind::Conflict, detail));
+            }
+            // Before anything is opened, as opening empties the file.
+            let format = ImageFormat::from_path(out).ok().filter(|format| FORMATS.contains(format));
+            if format.is_none() {
+                let detail =
+                    format!("{}: annotated frames are written as PNG, JPEG, BMP, TIFF, WebP or PNM", out.display());
+                return Err(Fault::new(FaultKind::Senseless, detail));
             }
             return Ok(Self::File(out.to_owned()));
         }
@@ -63,10 +80,13 @@ impl Pictures {
             }
         };
         let picture = annotate(frame, task.camera(), overlay);
-        picture.save(&path).map_err(|error| {
-            let detail =
-                format!("{}: {error} (annotated frames are written as PNG, BMP, TIFF, WebP or PNM)", path.display());
-            Fault::new(FaultKind::Unreadable, detail)
-        })
+        let failed =
+            |error: &dyn std::fmt::Display| Fault::new(FaultKind::Unreadable, format!("{}: {error}", path.display()));
+        if ImageFormat::from_path(&path).is_ok_and(|format| format == ImageFormat::Jpeg) {
+            let frame = Frame::from_rgb_image(picture).map_err(|error| failed(&error))?;
+            let bytes = encode::jpeg(&frame, QUALITY).map_err(|error| failed(&error))?;
+            return std::fs::write(&path, bytes).map_err(|error| failed(&error));
+        }
+        picture.save(&path).map_err(|error| failed(&error))
     }
 }

@@ -46,6 +46,14 @@ pub(super) fn of(source: &Source, options: &Options, pass_all: &str) -> Command 
     command
 }
 
+/// The first frame of every period since the start, with its own time: ffmpeg's `fps` would give it the time of the nearest tick, and
+/// repeat frames of slow sources.
+fn sparse(fps: f64) -> String {
+    // Times are rounded to their time base, so that a tick may lie just before its frame.
+    let period = |time: &str| format!("floor(({time}-start_t)*{fps}+1e-3)");
+    format!("select='isnan(prev_selected_t)+gt({},{})'", period("t"), period("prev_selected_t"))
+}
+
 /// The way of each frame.
 fn filters(options: &Options) -> String {
     let mut filters = Vec::new();
@@ -55,7 +63,7 @@ fn filters(options: &Options) -> String {
         Deinterlace::Never => {}
     }
     if let Some(fps) = options.fps {
-        filters.push(format!("fps=fps={fps}"));
+        filters.push(sparse(fps));
     }
     // The colour space of `Pixels::YCbCr`; planes that are in it already pass as they are.
     filters.push("scale=out_color_matrix=bt601:out_range=full".into());
@@ -88,7 +96,7 @@ mod tests {
     #[test]
     fn frames_are_deinterlaced_before_some_are_left_out() {
         let some = Options { fps: Some(2.5), ..Options::default() };
-        assert!(filters(&some).starts_with("bwdif=mode=send_frame:deint=interlaced,fps=fps=2.5,scale="));
+        assert!(filters(&some).starts_with("bwdif=mode=send_frame:deint=interlaced,select='"));
         let never = Options { deinterlace: Deinterlace::Never, ..Options::default() };
         assert!(filters(&never).starts_with("scale="));
     }
