@@ -140,16 +140,25 @@ fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> Cali
             Fit::TooLarge { .. } => "too_large",
             Fit::Unknown => "unknown",
         },
-        advice: advice(report, &drop),
+        advice: advice(found, report, &drop),
         drop,
         next_view,
         weaknesses: report.weaknesses.iter().map(ToString::to_string).collect(),
     }
 }
 
+/// Errors this many times the pictures' noise are told of.
+const MUCH_NOISE: f64 = 3.0;
+
 /// What to do, the most pressing first.
-fn advice(report: &Report, drop: &[String]) -> Vec<String> {
+fn advice(found: &Calibration, report: &Report, drop: &[String]) -> Vec<String> {
     let mut advice: Vec<String> = report.weaknesses.iter().map(ToString::to_string).collect();
+    if found.noise_ratio > MUCH_NOISE {
+        advice.push(format!(
+            "errors are {:.1} times what the noise of the pictures explains, as of a board that is not flat or not true: within a picture such errors go together, and the camera may be off by several of its deviations",
+            found.noise_ratio
+        ));
+    }
     match &report.trials.fit {
         Fit::TooSmall { better, ratio } => advice.push(format!(
             "the lens model is too small: {better} predicts other views with {:.0} % of the error",
