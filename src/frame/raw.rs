@@ -17,9 +17,10 @@ pub enum RawFormat {
     Mono8,
     /// A colour filter array.
     Bayer(Mosaic),
-    /// Y0 Cb Y1 Cr for two pixels; limited range BT.601, as webcams give it. Even width.
+    /// Y0 Cb Y1 Cr for two pixels, sampled on the left one; limited range BT.601, as webcams give it. Even width.
     Yuyv,
-    /// A plane of Y, then a plane of Cb, Cr at half the size; limited range BT.601. Even width and height.
+    /// A plane of Y, then a plane of Cb, Cr at half the size, sampled on the left pixels between the rows as in video; limited range BT.601.
+    /// Even width and height.
     Nv12,
 }
 
