@@ -36,10 +36,21 @@ impl Peer {
     /// By a command that runs Python, wherever it does.
     pub fn of(mut command: Command, script: &str, arguments: &[&str]) -> Self {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients").join(script);
-        command.arg(script).args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = command.spawn().expect("a process");
+        command.arg(script).args(arguments);
+        Self::run(command)
+    }
+
+    /// Any program.
+    pub fn run(mut command: Command) -> Self {
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("a process");
         let output = BufReader::new(child.stdout.take().expect("piped"));
         Self(child, output)
+    }
+
+    /// Its number.
+    #[allow(dead_code, reason = "not everybody asks")]
+    pub fn id(&self) -> u32 {
+        self.0.id()
     }
 
     /// Its next line.
@@ -47,6 +58,12 @@ impl Peer {
         let mut line = String::new();
         self.1.read_line(&mut line).expect("a line");
         line.trim().to_owned()
+    }
+
+    #[allow(dead_code, reason = "most live as long as their test")]
+    pub fn kill(mut self) {
+        self.0.kill().expect("kills");
+        self.0.wait().expect("ends");
     }
 
     /// Tells it to go on.

@@ -1,8 +1,7 @@
 //! The Zenoh door, with clients of Zenoh on the other side.
 
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
@@ -16,6 +15,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 
 use crate::free_endpoint;
+use crate::python::{Peer, python};
 use crate::station::{self, Station, assert_true_pose, corpus, jpeg, read, without_timing};
 
 const BASE: &str = "skypose/v1/default/alpha";
@@ -358,21 +358,18 @@ async fn of_those_who_shared_memory_and_ended_nothing_large_stays() {
     let (data, frames) = (data.display().to_string(), frames.display().to_string());
     let program = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_skypose"));
-        command.args(arguments).args(["--zenoh", &endpoint]).stdout(Stdio::piped()).stderr(Stdio::null());
+        command.args(arguments).args(["--zenoh", &endpoint]).stderr(Stdio::null());
         command
     };
-    let mut serve = program(&["serve", "--listen", "127.0.0.1:0", "--node", "alpha", "--data", &data]);
-    let mut child = serve.spawn().expect("starts");
-    let output = BufReader::new(child.stdout.take().expect("piped"));
-    let mut service = Peer(child, output);
+    let mut service = Peer::run(program(&["serve", "--listen", "127.0.0.1:0", "--node", "alpha", "--data", &data]));
     assert!(service.line().starts_with("listening on"));
     let client = join(&endpoint, Role::Connect, false).await.expect("connects");
     let statuses = client.declare_subscriber(format!("{BASE}/camera/front/status")).await.expect("listens");
     let mut locked = Vec::new();
     for _ in 0..CAMERAS_IN_TURN {
-        let played = program(&["replay", &frames, "--camera", "front"]).status().expect("runs");
+        let played = program(&["replay", &frames, "--camera", "front"]).stdout(Stdio::null()).status().expect("runs");
         assert!(played.success());
-        locked.push(locked_kb(service.0.id()));
+        locked.push(locked_kb(service.id()));
     }
     let mut shared = 0;
     while let Ok(Ok(sample)) = tokio::time::timeout(Duration::from_secs(2), statuses.recv_async()).await {
@@ -390,7 +387,7 @@ async fn of_those_who_shared_memory_and_ended_nothing_large_stays() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_python_client_shares_its_memory() {
-    let Some(python) = python() else { return };
+    let Some(python) = python("zenoh") else { return };
     if !may_share() {
         return;
     }
@@ -398,8 +395,11 @@ async fn a_python_client_shares_its_memory() {
     let folder = tempfile::tempdir().expect("a folder");
     let frame = folder.path().join("frame.jpg");
     std::fs::write(&frame, jpeg()).expect("writes");
-    let mut flight =
-        Peer::start(&python, &["fly", &swarm.endpoint, "alpha", "front", "20", "10", &frame.display().to_string()]);
+    let mut flight = Peer::start(
+        &python,
+        "swarm.py",
+        &["fly", &swarm.endpoint, "alpha", "front", "20", "10", &frame.display().to_string()],
+    );
     assert_eq!(flight.line(), "flying");
     let report: Value = serde_json::from_str(&flight.line()).expect("a report");
     let status = &report["status"];
@@ -477,68 +477,15 @@ async fn who_is_there_is_told() {
     swarm.station.serving.await.expect("no panic").expect("stops");
 }
 
-/// Python with `eclipse-zenoh`, or nothing where there is none and nobody requires it (`ZENOH_TESTS=required`).
-fn python() -> Option<PathBuf> {
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    let own = target.join("swarm/bin/python3");
-    let candidates = [std::env::var_os("ZENOH_PYTHON").map(PathBuf::from), Some(own), Some("python3".into())];
-    let has_zenoh = |python: &PathBuf| {
-        let import = Command::new(python).args(["-c", "import zenoh"]).stderr(Stdio::null()).status();
-        import.is_ok_and(|status| status.success())
-    };
-    let found = candidates.into_iter().flatten().find(has_zenoh);
-    assert!(
-        found.is_some() || std::env::var_os("ZENOH_TESTS").is_none_or(|value| value != "required"),
-        "no Python has eclipse-zenoh: python3 -m venv {0}/swarm && {0}/swarm/bin/pip install eclipse-zenoh",
-        target.display()
-    );
-    if found.is_none() {
-        println!("left out: no Python has eclipse-zenoh");
-    }
-    found
-}
-
-/// A process of `tests/clients/swarm.py`, killed when dropped.
-struct Peer(Child, BufReader<ChildStdout>);
-
-impl Peer {
-    fn start(python: &Path, arguments: &[&str]) -> Self {
-        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clients/swarm.py");
-        let mut child =
-            Command::new(python).arg(script).args(arguments).stdout(Stdio::piped()).spawn().expect("a process");
-        let output = BufReader::new(child.stdout.take().expect("piped"));
-        Self(child, output)
-    }
-
-    /// Its next line.
-    fn line(&mut self) -> String {
-        let mut line = String::new();
-        self.1.read_line(&mut line).expect("a line");
-        line.trim().to_owned()
-    }
-
-    fn kill(mut self) {
-        self.0.kill().expect("kills");
-        self.0.wait().expect("ends");
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 fn router(python: &Path, endpoint: &str) -> Peer {
-    let mut router = Peer::start(python, &["router", endpoint]);
+    let mut router = Peer::start(python, "swarm.py", &["router", endpoint]);
     assert_eq!(router.line(), "ready");
     router
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_python_client_flies_through_a_router_that_is_killed_on_the_way() {
-    let Some(python) = python() else { return };
+    let Some(python) = python("zenoh") else { return };
     let endpoint = free_endpoint();
     let first = router(&python, &endpoint);
     let folder = tempfile::tempdir().expect("a folder");
@@ -562,6 +509,7 @@ async fn a_python_client_flies_through_a_router_that_is_killed_on_the_way() {
     let sent: u64 = 300;
     let mut flight = Peer::start(
         &python,
+        "swarm.py",
         &["fly", &endpoint, "alpha", "front", &sent.to_string(), "20", &frame.display().to_string()],
     );
     assert_eq!(flight.line(), "flying");
@@ -590,10 +538,10 @@ async fn a_python_client_flies_through_a_router_that_is_killed_on_the_way() {
         assert!((range - station::truth().translation.norm()).abs() < 0.05, "{range}");
     }
     // And queries go on.
-    let mut asked = Peer::start(&python, &["ask", &endpoint, "alpha", "health", ""]);
+    let mut asked = Peer::start(&python, "swarm.py", &["ask", &endpoint, "alpha", "health", ""]);
     let reply: Value = serde_json::from_str(&asked.line()).expect("a reply");
     assert_eq!(reply["ok"]["status"], "ok", "{reply}");
-    let mut asked = Peer::start(&python, &["ask", &endpoint, "alpha", "poses", "{}"]);
+    let mut asked = Peer::start(&python, "swarm.py", &["ask", &endpoint, "alpha", "poses", "{}"]);
     let reply: Value = serde_json::from_str(&asked.line()).expect("a reply");
     assert_eq!(reply["error"]["status"], 422, "{reply}");
     second.kill();
