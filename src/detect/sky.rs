@@ -107,13 +107,15 @@ fn centroid(track: &Track, region: Region) -> Centroid {
         width: within(right, region.width).saturating_sub(x).max(1),
         height: within(bottom, region.height).saturating_sub(y).max(1),
     };
+    let score = score::probability(track);
     Centroid {
         pixel: in_frame(region, place[0], place[1]),
         sigma_px: track::spread_px(seen),
         area_px: seen.area_px,
         bounds,
-        score: score::probability(track),
-        class: kind::class(track),
+        score,
+        // What rather does not fly is neither.
+        class: kind::class(track).filter(|_| score >= kind::LEAST_SCORE),
         track_id: Some(track.id),
     }
 }

@@ -245,3 +245,18 @@ fn what_flaps_is_a_bird_and_what_does_not_is_an_aircraft() {
     assert_eq!(classes(true), Some(crate::detect::Class::Bird));
     assert_eq!(classes(false), Some(crate::detect::Class::Aircraft));
 }
+
+#[test]
+fn what_rather_does_not_fly_has_no_class() {
+    use super::candidate::{Candidate, Cues};
+    let class = |goes_on: f32| {
+        let cues = Cues { contrast_ln: 3.5, moving_ln: 1.5, size_ln: 1.5, goes_on, ..Cues::default() };
+        let mut track = Track::start(1, Candidate { cues, area_px: 200.0, ..Candidate::default() });
+        (track.hits, track.flicker) = (100, 4.0);
+        let seen = centroid(&track, Region { x: 0, y: 0, width: 160, height: 128 });
+        (seen.score > 0.5, seen.class)
+    };
+    assert_eq!(class(0.0), (true, Some(crate::detect::Class::Bird)));
+    // The same that goes on beyond its outline, as a branch does.
+    assert_eq!(class(2.0), (false, None));
+}
