@@ -297,8 +297,7 @@ mod tests {
                         for side in [1, 3, 9] {
                             let hue = learned(&frame, square(x - side / 2, y - side / 2, side));
                             let found_deg = hue.map(|hue| hue.centre_deg);
-                            let off_deg =
-                                found_deg.clone().map(|deg| ((deg - truth_deg + 540.0) % 360.0 - 180.0).abs());
+                            let off_deg = found_deg.map(|deg| ((deg - truth_deg + 540.0) % 360.0 - 180.0).abs());
                             // A named sector reaches 32 degrees to both sides.
                             assert!(
                                 off_deg.is_ok_and(|off| off < 20.0),
