@@ -18,7 +18,8 @@ use crate::frame::{ChromaSampling, Coding, Frame, Region};
 pub struct BlobOptions {
     /// Score, of 255, by which it must stand out from what surrounds it.
     pub min_contrast: f64,
-    /// Smallest area, px.
+    /// Smallest area, px. Of frames of which each pixel has a colour of its own, also half of that if a disc fits it: a lens leaves no more
+    /// of 1 px radius.
     pub min_area_px: f64,
     /// Largest area as a share of the frame.
     pub max_area_ratio: f64,
@@ -63,19 +64,31 @@ pub(super) fn detect(
         refused.pixel = in_frame(region, refused.pixel.x, refused.pixel.y);
         refused.bounds = bounds_in_frame(region, refused.bounds);
     }
-    let located = |(index, (centroid, moments)): (usize, (Centroid, Matrix2<f64>))| {
+    let mut centroids = Vec::with_capacity(markers.len());
+    for (index, (centroid, moments)) in markers.into_iter().enumerate() {
         let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
         let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
-        if index >= located_count {
-            return rough.within_bounds();
-        }
         let seed = Seed { pixel, moments, sigma_px: centroid.sigma_px };
-        let exact = if chroma.is_some() { locate(frame, &seed, chroma) } else { locate_light(frame, &seed) };
-        exact
-            .map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
-            .within_bounds()
-    };
-    Detection { centroids: markers.into_iter().enumerate().map(located).collect(), refused }
+        let exact = match chroma {
+            _ if index >= located_count => None,
+            Some(_) => locate(frame, &seed, chroma),
+            None => locate_light(frame, &seed),
+        };
+        match exact {
+            Some(Located { pixel, sigma_px, area_px }) => {
+                centroids.push(Centroid { pixel, sigma_px, area_px, ..rough }.within_bounds());
+            }
+            // Of so few pixels it is a marker only if they are those of a disc.
+            None if rough.area_px < options.min_area_px => refused.push(Refused {
+                pixel: rough.pixel,
+                area_px: rough.area_px,
+                bounds: rough.bounds,
+                reason: Refusal::TooSmall,
+            }),
+            None => centroids.push(rough.within_bounds()),
+        }
+    }
+    Detection { centroids, refused }
 }
 
 /// More blobs than this are a crowd, even where the list would hold them.
@@ -239,7 +252,7 @@ impl<'a> Shape<'a> {
     fn refusal(&self, picture: &Picture<'_>, options: &BlobOptions) -> Option<Refusal> {
         let (left, top) = (self.bounds.x, self.bounds.y);
         let (right, bottom) = (left + self.bounds.width, top + self.bounds.height);
-        if self.area < options.min_area_px || self.core.len() < 2 {
+        if self.area < least_area_px(picture.coding, options) || (self.core.len() < 2 && options.min_area_px > 1.0) {
             Some(Refusal::TooSmall)
         } else if self.area > options.max_area_ratio * picture.frame_area {
             Some(Refusal::TooLarge)
@@ -289,6 +302,13 @@ impl<'a> Shape<'a> {
             track_id: None,
         }
     }
+}
+
+/// Area of the core, px, of which it may be a marker of the smallest area: half of that, where every pixel has a colour of its own. The core
+/// is what stands out by more than half, and a lens leaves that of few pixels of a disc of 1 px radius.
+fn least_area_px(coding: Coding, options: &BlobOptions) -> f64 {
+    let is_whole = coding.chroma == ChromaSampling::Full && coding.chroma_step <= 1.0;
+    if is_whole { 0.5 * options.min_area_px } else { options.min_area_px }
 }
 
 /// Noise of a score for each unit of the chroma's quantization step.

@@ -94,6 +94,8 @@ struct Likeness {
     /// Passes at most, and the move, px, that ends them.
     max_passes: usize,
     settled_px: f64,
+    /// Whether its place is as well known as opposite sides of its rim agree, rather than as all of the rim makes an ellipse.
+    by_unevenness: bool,
     /// Whether it may be so large that its middle is not looked at.
     large: bool,
 }
@@ -109,6 +111,7 @@ impl Likeness {
         sectored_area_px: 20.0,
         max_passes: 10,
         settled_px: 6e-3,
+        by_unevenness: true,
         large: false,
     };
     /// A disc in print, on white.
@@ -121,6 +124,7 @@ impl Likeness {
         sectored_area_px: 20.0,
         max_passes: 40,
         settled_px: 1e-3,
+        by_unevenness: false,
         large: true,
     };
 }

@@ -7,7 +7,7 @@ use super::foreign;
 use super::mixture::{Colour, LUMA, Mixture, Mixtures, chroma_weights};
 use super::pass::{ChromaSums, Light, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
 use super::patch::Patch;
-use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, Trust, solved};
+use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, Trust, solved, unevenness};
 use super::shape::Pull;
 use super::{Likeness, Located, Seed, Shape};
 use crate::frame::Frame;
@@ -26,6 +26,9 @@ const MIN_NOISE: f64 = 0.5;
 
 /// What a lens too sharp for its pixels hides of a small disc between them: px times the disc's area.
 const ALIASING_PX3: f64 = 2.0;
+
+/// What eight bits and a curve of codes that is not known leave of the best, px.
+const LEAST_SIGMA_PX: f64 = 0.004;
 
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
@@ -52,6 +55,7 @@ pub(super) fn fit(
     let chroma_passes = if patch.chroma.is_none() || known.is_some() { 0 } else { CHROMA_PASSES };
     let min_passes = chroma_passes + MIN_LUMA_PASSES;
     let mut last = None;
+    let mut uneven = 1.0;
     for pass in 0..likeness.max_passes {
         let chroma = patch.chroma.as_ref().map(|channel| gather_chroma(&patch, channel, &model));
         let colour = chroma.as_ref().map(|chroma| chroma.rim.offsets(CHROMA_FLOOR_PX));
@@ -80,7 +84,13 @@ pub(super) fn fit(
             without_slopes(sums, &mut normal, &mut right);
             last = Some((normal, luma.kept(&trust)));
         }
-        let next = model.ellipse.moved(&solved(normal, &right)?);
+        let step = solved(normal, &right)?;
+        if let Some(sums) = &sums {
+            let luma = sums.rim.offsets(likeness.floor_px);
+            let colour = colour.as_ref().map_or((&luma, &Trust::NONE), |colour| (colour, &Trust::FULL));
+            uneven = unevenness(&[(&luma, &trust), colour], &step);
+        }
+        let next = model.ellipse.moved(&step);
         let moved = (next.centre - model.ellipse.centre).norm();
         model.ellipse = next;
         relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
@@ -94,13 +104,22 @@ pub(super) fn fit(
     }
     let (normal, kept) = last?;
     let covariance = normal.try_inverse()?;
-    let random = trust.scatter * (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
+    let stated = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
     let blur = model.ellipse.ln_blur.exp();
     let aliasing = (ALIASING_PX3 * (-blur / SHARP_BLUR).exp() + patch.mosaic_px3) / model.ellipse.area_px();
-    let sigma_px = random.hypot(patch.floor_px).hypot(aliasing);
+    let systematic = aliasing.hypot(patch.floor_px);
+    let by_scatter = (trust.scatter * stated).hypot(systematic);
+    let sigma_px = if likeness.by_unevenness {
+        let uneven = uneven.max(patch.least_unevenness() * trust.scatter.powi(2));
+        let random = stated * (uneven * patch.together(&model)).sqrt();
+        random.hypot(systematic).hypot(patch.lost_px(&model.light, model.ellipse.area_px())).hypot(LEAST_SIGMA_PX)
+    } else {
+        by_scatter
+    };
     let pixel = model.ellipse.centre + patch.origin;
-    let moved = (pixel - seed.pixel).norm();
-    let fits = sigma_px.is_finite() && kept > MIN_KEPT && moved < 0.1 + 3.5 * seed.sigma_px.hypot(sigma_px);
+    // What coding has taken is no licence to go elsewhere.
+    let may_move = 0.1 + 3.5 * seed.sigma_px.hypot(by_scatter);
+    let fits = sigma_px.is_finite() && kept > MIN_KEPT && (pixel - seed.pixel).norm() < may_move;
     fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
 }
 

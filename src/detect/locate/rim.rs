@@ -87,6 +87,15 @@ impl Offsets {
         std::array::from_fn(|k| self.offset[k] - self.form[k].dot(form))
     }
 
+    /// What each sector pulls outwards beside an ellipse that `form` has moved, and the variance of that which its own lets expect.
+    fn pulls(&self, trust: &Trust, form: &Form) -> [(f64, f64); SECTORS] {
+        let apart = self.apart(form);
+        std::array::from_fn(|k| {
+            let weight = trust.of[k] / self.variance[k];
+            (weight * apart[k], weight)
+        })
+    }
+
     /// Which sectors of luma to trust. `base` is what else is known of the form: equations of chroma and of a known shape; `before`
     /// is what the pass before trusted.
     pub(super) fn trust(&self, base: &Equations, before: Option<&Trust>) -> Trust {
@@ -173,6 +182,34 @@ impl Offsets {
     }
 }
 
+/// By how much, as a factor of variance, the place is worse known than the sectors' own variances say; beside an ellipse that `form` has
+/// moved, of all channels together.
+///
+/// What optics and sampling do to all of a rim alike moves no centre, however badly it fits an ellipse. Only what one side has and the
+/// opposite one has not does.
+pub(super) fn unevenness(channels: &[(&Offsets, &Trust)], form: &Form) -> f64 {
+    let mut pulls = [(0.0, 0.0); SECTORS];
+    for (offsets, trust) in channels {
+        for (sum, (pull, expected)) in pulls.iter_mut().zip(offsets.pulls(trust, form)) {
+            *sum = (sum.0 + pull, sum.1 + expected);
+        }
+    }
+    let (one, opposite) = pulls.split_at(SECTORS / 2);
+    let (mut squares, mut pairs) = (0.0, 0.0);
+    for ((pull, expected), (back, as_expected)) in one.iter().zip(opposite) {
+        if expected.min(*as_expected) > 0.0 {
+            squares += (pull - back).powi(2) / (expected + as_expected);
+            pairs += 1.0;
+        }
+    }
+    // The place itself has used up two.
+    (squares + BEFOREHAND * EXPECTED_UNEVENNESS) / (pairs - 2.0 + BEFOREHAND).max(1.0)
+}
+
+/// What is expected before a rim is looked at, and the pairs of sectors for which that counts.
+const EXPECTED_UNEVENNESS: f64 = 0.64;
+const BEFOREHAND: f64 = 4.0;
+
 /// Sectors that are left out together.
 const STRETCH: usize = 7;
 
@@ -198,4 +235,34 @@ pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
 fn tukey(size: f64, limit: f64) -> f64 {
     let excess = (size / limit).powi(2);
     if excess >= 1.0 { 0.0 } else { (1.0 - excess).powi(2) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn offsets(offset: impl Fn(f64) -> f64) -> Offsets {
+        let angle = |k: usize| std::f64::consts::TAU * k as f64 / SECTORS as f64;
+        Offsets {
+            offset: std::array::from_fn(|k| offset(angle(k))),
+            variance: [1e-4; SECTORS],
+            form: std::array::from_fn(|k| Form::new(angle(k).cos(), angle(k).sin(), 0.0, 0.0, 0.0)),
+        }
+    }
+
+    #[test]
+    fn only_what_one_side_has_and_the_opposite_one_has_not_is_uneven() {
+        let full = Trust::FULL;
+        let of = |offsets: &Offsets, form: Form| unevenness(&[(offsets, &full)], &form);
+        let least = BEFOREHAND * EXPECTED_UNEVENNESS / (10.0 + BEFOREHAND);
+        let square = offsets(|angle| 0.05 * (4.0 * angle).cos());
+        assert!((of(&square, Form::zeros()) - least).abs() < 1e-9, "alike on both sides");
+        let moved = offsets(|angle| 0.05 * angle.cos());
+        let to = Form::new(0.05, 0.0, 0.0, 0.0, 0.0);
+        assert!((of(&moved, to) - least).abs() < 1e-9, "the form has gone there");
+        // Twelve pairs of twice 0.05 cos(3 angle), each against a variance of two sectors': 12 * 25.
+        let bent = offsets(|angle| 0.05 * (3.0 * angle).cos());
+        let expected = least + 12.0 * 25.0 / (10.0 + BEFOREHAND);
+        assert!((of(&bent, Form::zeros()) / expected - 1.0).abs() < 1e-6, "{}", of(&bent, Form::zeros()));
+    }
 }
