@@ -67,11 +67,13 @@ pub(super) fn detect(
         let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
         let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
         if index >= located_count {
-            return rough;
+            return rough.within_bounds();
         }
         let seed = Seed { pixel, moments, sigma_px: centroid.sigma_px };
         let exact = if chroma.is_some() { locate(frame, &seed, chroma) } else { locate_light(frame, &seed) };
-        exact.map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
+        exact
+            .map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
+            .within_bounds()
     };
     Detection { centroids: markers.into_iter().enumerate().map(located).collect(), refused }
 }
@@ -302,3 +304,39 @@ const WEIGHT_FLOOR: f64 = 0.1;
 
 /// Below this area, px, blur rounds every outline and the fill says nothing.
 const SMALL_AREA: f64 = 30.0;
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+    use crate::detect::{ColorOptions, color, spans};
+    use crate::frame::Pixels;
+    use crate::random;
+
+    #[test]
+    fn a_centroid_lies_on_its_own_pixels_however_large_the_noise() {
+        let mut rng = random::named("discs in noise");
+        let mut found = 0;
+        for index in 0..60_u32 {
+            let [u, v] = [0.37, 0.71].map(|step| 24.0 + (step * f64::from(index)).fract());
+            let samples = (0..48 * 48_u32).flat_map(|at| {
+                let away = (f64::from(at % 48) - u).hypot(f64::from(at / 48) - v);
+                let share = (2.2 - away).clamp(0.0, 1.0);
+                let mut code = |ground: f64, marker: f64| {
+                    let noise: f64 = StandardNormal.sample(&mut rng);
+                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a colour")]
+                    let code = (ground + share * (marker - ground) + 16.0 * noise).round().clamp(0.0, 255.0) as u8;
+                    code
+                };
+                [code(120.0, 190.0), code(124.0, 60.0), code(128.0, 60.0)]
+            });
+            let frame = Frame::checked(48, 48, Pixels::Rgb(samples.collect()), Coding::LOSSLESS).expect("a frame");
+            for centroid in color::detect(&frame, frame.full(), &ColorOptions::default()).centroids {
+                assert!(spans(centroid.bounds, &centroid.pixel), "{index}: {centroid:?}");
+                found += 1;
+            }
+        }
+        assert!(found > 30, "{found}");
+    }
+}

@@ -37,7 +37,11 @@ fn spot(x: f64, y: f64, [u, v]: [f64; 2], [across, down]: [f64; 2]) -> f64 {
 }
 
 fn observe(watch: &mut Watch, frame: &Frame, stamp: Stamp) -> Detection {
-    watch.observe(frame, frame.full(), stamp, &SkyOptions { min_score: 0.0, ..SkyOptions::default() })
+    let detection = watch.observe(frame, frame.full(), stamp, &SkyOptions { min_score: 0.0, ..SkyOptions::default() });
+    for centroid in &detection.centroids {
+        assert!(crate::detect::spans(centroid.bounds, &centroid.pixel), "outside its own box: {centroid:?}");
+    }
+    detection
 }
 
 fn nearest(detection: &Detection, place: [f64; 2]) -> Option<&Centroid> {
