@@ -345,7 +345,7 @@ fn slope(samples: &[Sample]) -> Option<Vector2<f64>> {
     for round in 0..3 {
         let off = |s: &Sample| f64::from(s.value) - plane.dot(&Vector3::new(f64::from(s.x), f64::from(s.y), 1.0));
         let mut offs: Vec<f32> = samples.iter().map(|sample| single(off(sample))).collect();
-        let (middle, noise) = self::middle(&mut offs)?;
+        let (middle, noise) = middle(&mut offs)?;
         let variance = f64::from(noise).hypot(STEP_NOISE).powi(2);
         // First of all samples that are near their median, then of those near the plane.
         let reach = LEVEL_DEVIATIONS * LEVEL_DEVIATIONS * variance;
