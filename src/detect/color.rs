@@ -209,7 +209,7 @@ mod tests {
             let place = Vector2::new(f64::from(index % 10) - 4.5, f64::from(index / 10) - 2.5) * 60.0;
             let place = (place + normal2(&mut rng)) * per_px;
             Marker {
-                id: format!("m{index}").into(),
+                id: format!("m{index}"),
                 position: Point::new(place.x, place.y, 0.0),
                 radius_m: Some(radius_px * per_px),
                 normal: Some(-Vector3::z()),
@@ -252,7 +252,14 @@ mod tests {
             });
             let near: Vec<(f64, f64)> = near.collect();
             let count = near.len() as f64;
-            assert!(near.len() >= 48 && found.len() - near.len() <= 2, "{name}: {} of {}", near.len(), found.len());
+            // Of the pale waves around discs that coding leaves some are of their hue.
+            let others = if quality.is_some() { 6 } else { 0 };
+            assert!(
+                near.len() >= 48 && found.len() <= near.len() + others,
+                "{name}: {} of {}",
+                near.len(),
+                found.len()
+            );
             let rms = (near.iter().map(|(square, _)| square).sum::<f64>() / (2.0 * count)).sqrt();
             let mean = near.iter().map(|(square, variance)| square / variance).sum::<f64>() / (2.0 * count);
             assert!(rms < rms_px, "{name}: {rms} px");
