@@ -197,7 +197,7 @@ impl Detector {
         let Self::Color(options) = self else { return None };
         let seed = Seed { pixel: centroid.pixel, moments: shape.moments, sigma_px: centroid.sigma_px };
         let Located { pixel, sigma_px, area_px } = locate_shaped(frame, &seed, shape, Some(options.hue.direction()))?;
-        Some(Centroid { pixel, sigma_px, area_px, ..*centroid })
+        spans(centroid.bounds, &pixel).then_some(Centroid { pixel, sigma_px, area_px, ..*centroid })
     }
 }
 
@@ -225,6 +225,15 @@ pub fn looked_at(region: Region, width: u32, height: u32) -> Region {
 /// A position inside a region as a pixel of the whole frame.
 fn in_frame(region: Region, x: f64, y: f64) -> Pixel {
     Vector2::new(x + f64::from(region.x), y + f64::from(region.y))
+}
+
+/// Whether a place lies on the pixels of `bounds`: the first one's middle is at its coordinates.
+fn spans(bounds: Region, at: &Pixel) -> bool {
+    let within = |at: f64, start: u32, length: u32| {
+        let along = at + 0.5 - f64::from(start);
+        (0.0..=f64::from(length)).contains(&along)
+    };
+    within(at.x, bounds.x, bounds.width) && within(at.y, bounds.y, bounds.height)
 }
 
 /// Bounds inside a region as pixels of the whole frame.

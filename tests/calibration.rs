@@ -131,6 +131,9 @@ fn what_cannot_be_calibrated_is_told_in_one_line_each() {
     let other = said(&["calibrate", shots, "--pattern", "chessboard:8x6:0.025"]);
     assert_eq!(other.code, Some(2));
     assert!(other.err.contains("00.jpg: a chessboard of 9 x 6 is seen, not of 8 x 6"), "{}", other.err);
+    // What is not there is no picture without a board, and named once.
+    let missing = said(&["calibrate", shots, "nothere", "--pattern", PATTERN]);
+    missing.assert_complains(2, &["skypose: nothere: No such file"]);
     said(&["calibrate", shots, "--pattern", "chess"]).assert_complains(2, &["chess", "is no pattern"]);
     said(&["calibrate", shots, "--pattern", PATTERN, "--fix", "k4"]).assert_complains(2, &["plumb_bob has no k4"]);
 }

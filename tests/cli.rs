@@ -467,6 +467,13 @@ fn requests_are_read_from_a_file_and_their_paths_from_where_it_is() {
     }
     assert_eq!(replies[1]["error"]["pointer"], "/frame");
     assert_eq!(replies[2]["error"]["pointer"], "/region_px");
+    let complaints: Vec<&str> = said.err.lines().collect();
+    let file = as_text(&desk.path("requests.jsonl")).to_owned();
+    let places = [format!("skypose: {file}:2: /frame: "), format!("skypose: {file}:3: b.png: /region_px: ")];
+    assert_eq!(complaints.len(), 2, "{said:?}");
+    for (complaint, place) in complaints.iter().zip(&places) {
+        assert!(complaint.replace(as_text(&desk.path("b.png")), "b.png").starts_with(place), "{complaint}");
+    }
     // On standard input, and without a pose.
     let said = fed(&["detect", "--requests", "-"], &json!({"frame": desk.path("a.jpg")}).to_string());
     assert_eq!(said.code, Some(0), "{said:?}");
@@ -496,6 +503,21 @@ fn annotated_frames_are_jpeg_too_and_what_cannot_be_written_is_told_before_anyth
     desk.write("kept.gif", b"somebody's");
     desk.run(&["detect", "b.png", "--annotate", "kept.gif"]).assert_complains(2, &["kept.gif", "PNG, JPEG"]);
     assert_eq!(fs::read(desk.path("kept.gif")).expect("a file"), b"somebody's");
+}
+
+#[test]
+fn a_dash_is_standard_output_and_no_file() {
+    let desk = Desk::new();
+    let page = desk.run(&["encounter", "--report", "-"]);
+    assert_eq!((page.code, page.err.as_str()), (Some(0), ""), "{page:?}");
+    assert!(page.out.starts_with("<!doctype html>") && page.out.trim_end().ends_with("</html>"), "{page:?}");
+    let description = desk.run(&["pattern", "circles:7x5:0.03", "--description", "-"]);
+    assert_eq!(description.lines()[0]["columns"], 7, "{description:?}");
+    let table = desk.run(&["evaluate", "thesis-2012", "--runs", "1", "--solvers", "epnp", "--cases", "-"]);
+    assert_eq!(table.code, Some(0), "{table:?}");
+    assert!(table.out.lines().count() > 2 && table.out.lines().all(|line| line.contains(',')), "{table:?}");
+    desk.run(&["encounter", "--json", "-", "--report", "-"]).assert_complains(2, &["--json, --report", "only one"]);
+    assert!(!desk.path("-").exists());
 }
 
 #[test]

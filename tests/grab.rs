@@ -378,6 +378,44 @@ fn a_video_that_is_cut_off_gives_the_frames_that_it_has() {
 }
 
 #[test]
+fn whatever_the_container_a_video_that_is_cut_off_is_told_from_a_whole_one() {
+    need_ffmpeg!();
+    let desk = Desk::new();
+    let mut tried = 0;
+    for (coding, name) in [
+        ("-c:v libx264", "a.ts"),
+        ("-r 25 -c:v mpeg2video", "b.ts"),
+        ("-c:v mjpeg", "c.avi"),
+        ("-c:v mpeg4", "d.avi"),
+        ("-r 25 -c:v mpeg2video", "e.mpg"),
+        ("-c:v libtheora", "f.ogv"),
+        ("-pix_fmt yuv420p", "g.y4m"),
+        ("-c:v mpeg4 -movflags +faststart", "h.mp4"),
+        ("-r 25 -c:v mpeg2video", "i.m2v"),
+        ("-c:v mjpeg", "j.mjpeg"),
+        ("-c:v flv1", "k.flv"),
+    ] {
+        if !square_video(&desk, 24, coding, name) {
+            eprintln!("left out: this ffmpeg does not write {coding}");
+            continue;
+        }
+        tried += 1;
+        let whole = desk.run(&["grab", name, "--out", &format!("whole-{name}")]);
+        assert_eq!((whole.code, whole.err.as_str()), (Some(0), ""), "{name}: {whole:?}");
+        let bytes = fs::read(desk.path(name)).expect("a video");
+        // Behind the header, before the index, and not where a packet ends.
+        let cut = format!("cut-{name}");
+        fs::write(desk.path(&cut), &bytes[..bytes.len() * 7 / 10 / 188 * 188 + 101]).expect("writes");
+        let said = desk.run(&["grab", &cut, "--out", &format!("of-{name}")]);
+        assert_eq!((said.code, said.err.lines().count()), (Some(2), 1), "{name}: {said:?}");
+        assert!(said.err.contains(&cut), "{name}: {said:?}");
+        let frames = (desk.list(&format!("of-{name}")).len(), desk.list(&format!("whole-{name}")).len());
+        assert!(frames.0 >= 2 && frames.0 < frames.1, "{name}: {frames:?}");
+    }
+    assert!(tried >= 8, "{tried}");
+}
+
+#[test]
 fn frames_of_two_sizes_are_not_taken_for_those_of_one_camera() {
     need_ffmpeg!();
     let desk = Desk::new();

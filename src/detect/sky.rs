@@ -94,7 +94,12 @@ fn centroid(track: &Track, region: Region) -> Centroid {
         let along = along.clamp(0.0, f64::from(side)).round() as u32;
         along
     };
+    // The place is that of its light, the bounds those of its outline, which may miss a faint part of it.
+    let place = [(seen.place[0], region.width), (seen.place[1], region.height)]
+        .map(|(along, side)| along.clamp(-0.5, f64::from(side) - 0.5));
     let [left, top, right, bottom] = seen.bounds;
+    let (left, top) = (left.min((place[0] + 0.5).floor()), top.min((place[1] + 0.5).floor()));
+    let (right, bottom) = (right.max((place[0] + 0.5).ceil()), bottom.max((place[1] + 0.5).ceil()));
     let (x, y) = (within(left, region.width - 1), within(top, region.height - 1));
     let bounds = Region {
         x: x + region.x,
@@ -102,13 +107,15 @@ fn centroid(track: &Track, region: Region) -> Centroid {
         width: within(right, region.width).saturating_sub(x).max(1),
         height: within(bottom, region.height).saturating_sub(y).max(1),
     };
+    let score = score::probability(track);
     Centroid {
-        pixel: in_frame(region, seen.place[0], seen.place[1]),
+        pixel: in_frame(region, place[0], place[1]),
         sigma_px: track::spread_px(seen),
         area_px: seen.area_px,
         bounds,
-        score: score::probability(track),
-        class: kind::class(track),
+        score,
+        // What rather does not fly is neither.
+        class: kind::class(track).filter(|_| score >= kind::LEAST_SCORE),
         track_id: Some(track.id),
     }
 }

@@ -13,6 +13,7 @@ mod inputs;
 mod moving;
 #[cfg(feature = "zenoh")]
 mod network;
+mod outputs;
 mod pattern;
 mod pictures;
 mod points;

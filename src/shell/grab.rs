@@ -10,6 +10,7 @@
 
 mod child;
 mod command;
+mod ending;
 mod error;
 pub mod film;
 mod interrupt;
@@ -19,6 +20,7 @@ mod source;
 mod stamp;
 mod y4m;
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread::JoinHandle;
@@ -103,6 +105,8 @@ pub struct Grabber {
     patience: Option<Duration>,
     /// How much earlier than its stated end the last frame may be.
     slack_us: i64,
+    /// The file, if it is one.
+    file: Option<PathBuf>,
     over: bool,
     warning: Option<String>,
 }
@@ -140,6 +144,7 @@ impl Grabber {
             passed: (0, 0),
             patience: source.is_live().then_some(options.patience),
             slack_us: slack_us(options),
+            file: source.file().map(Path::to_path_buf),
             over: false,
             warning: None,
         };
@@ -201,15 +206,23 @@ impl Grabber {
         self.log.join();
         let log = Log::of(self.log.shared());
         let (frames, last_us) = self.passed;
-        let (words, seconds) = (log.words(), last_us as f64 * 1e-6);
+        let (mut words, seconds) = (log.words(), last_us as f64 * 1e-6);
         if frames == 0 {
             return Err(if words.is_empty() { GrabError::NoFrames } else { GrabError::Unreadable { words } });
         }
         let missing_us = log.facts.duration_us.map_or(0, |duration| duration - last_us);
         let is_short = missing_us > self.slack_us && !words.is_empty();
-        if !is_whole || !succeeded || is_short {
+        let cut_off = self.file.as_deref().and_then(ending::cut_off);
+        if let Some(how) = cut_off {
+            words = if words.is_empty() { how.into() } else { format!("{how}; {words}") };
+        }
+        if !is_whole || !succeeded || is_short || cut_off.is_some() {
             let of = log.facts.duration_us.map_or(String::new(), |us| format!(" of {:.2} s", us as f64 * 1e-6));
             return Err(GrabError::Broken { frames, seconds, of, words });
+        }
+        // On a line that is not ours pictures get lost, and it goes on.
+        if self.patience.is_none() && log.has_lost() {
+            return Err(GrabError::Damaged { frames, words });
         }
         self.warning = (!words.is_empty()).then(|| format!("{frames} frames could be read, but: {words}"));
         Ok(())

@@ -91,7 +91,8 @@ impl Service {
         async move {
             let store = Store::connect(&settings.store).await?;
             let workers = Workers::start(settings.workers.thread_count(), settings.workers.queue)?;
-            let sequences = Sequences::new(settings.sequences.most, settings.sequences.idle());
+            let sequences =
+                Sequences::new(settings.sequences.most, settings.sequences.in_use(), settings.sequences.idle());
             let jobs = Jobs::start(&settings.jobs, &settings.store.data, &store, kinds).await?;
             let (hub, node) = (Hub::new(&settings.streams), settings.zenoh.node_name());
             let told = broadcast::Sender::new(told::MOST_WAITING);

@@ -84,6 +84,16 @@ async fn assert_nothing_left(station: &Station) {
 }
 
 #[tokio::test]
+async fn pictures_of_one_name_are_told_apart() {
+    let station = Station::start().await;
+    let pictures = ["left.png", "left.png", "right.png"].map(|name| (name.to_owned(), wall(64, 64)));
+    let accepted = read(post(&station, form(&request(), pictures))).await;
+    assert_eq!(accepted.status, StatusCode::ACCEPTED, "{accepted:?}");
+    let names = [0, 1, 2].map(|number| &accepted.json["files"][number]["name"]);
+    assert_eq!(names, ["left.png", "left-2.png", "right.png"]);
+}
+
+#[tokio::test]
 async fn each_picture_that_shows_no_board_is_named_with_its_reason() {
     let station = Station::start().await;
     let mut pictures = walls(3);

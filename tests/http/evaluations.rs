@@ -261,4 +261,7 @@ async fn what_is_wrong_with_a_truth_is_the_reason_of_the_job() {
     fails(Form::new().part("truth", part("truth.json")).part("frame", part("a.mp4")), "command line").await;
     let empty = Form::new().text("request", "{}");
     read(station.request(Method::POST, PLACE).multipart(empty)).await.assert_problem(400);
+    let twice = recorded(|_, bytes| Some(bytes)).part("frame", part("easy_01.jpg"));
+    let refused = read(station.request(Method::POST, PLACE).multipart(twice)).await;
+    assert!(refused.assert_problem(400).detail().contains("\"easy_01.jpg\""), "{refused:?}");
 }

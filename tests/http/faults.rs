@@ -1,8 +1,10 @@
 //! Bad input: refused with a clear problem, and the service lives on.
 
+use reqwest::Method;
+use reqwest::multipart::{Form, Part};
 use serde_json::{Value, json};
 
-use crate::station::{Station, jpeg};
+use crate::station::{Station, jpeg, read};
 
 fn poses(change: impl FnOnce(&mut Value)) -> Value {
     let mut request = json!({
@@ -131,6 +133,26 @@ async fn bad_numbers_are_refused_with_their_place() {
         assert_eq!(reply.assert_problem(422).pointer(), pointer, "{reply:?}");
     }
     assert_eq!(station.get("/healthz").await.status, 200);
+}
+
+#[tokio::test]
+async fn a_member_that_nobody_knows_is_named() {
+    let station = Station::start().await;
+    let misspelt = poses(|r| r["dectector"] = json!({}));
+    let right = poses(|_| {});
+    let refused = station.post("/v1/poses", &misspelt).await;
+    assert!(refused.assert_problem(422).detail().contains("`dectector`"), "{refused:?}");
+    let batch = station.post("/v1/poses", &json!({"requests": [right, misspelt]})).await;
+    assert!(batch.json["replies"][0]["pose"].is_object(), "{batch:?}");
+    assert!(batch.json["replies"][1]["error"]["detail"].to_string().contains("`dectector`"), "{batch:?}");
+    let refused = station.post("/v1/poses", &json!({"requests": [right], "solver": "p3p"})).await;
+    assert!(refused.assert_problem(422).detail().contains("`solver`"), "{refused:?}");
+    for path in ["/v1/detections", "/v1/estimates"] {
+        let picture = Part::bytes(b"P5 1 1 255\n\0".to_vec()).file_name("frame.pgm");
+        let form = Form::new().text("request", json!({"dectector": {}}).to_string()).part("frame", picture);
+        let refused = read(station.request(Method::POST, path).multipart(form)).await;
+        assert!(refused.assert_problem(422).detail().contains("`dectector`"), "{path}: {refused:?}");
+    }
 }
 
 #[tokio::test]

@@ -51,8 +51,20 @@ async fn a_single_frame_has_no_numbers() {
 }
 
 #[tokio::test]
-async fn the_least_used_of_too_many_is_forgotten() {
+async fn one_too_many_is_refused_as_long_as_the_others_are_in_use() {
     let station = Station::with(|settings| settings.sequences.most = 1).await;
+    let first = post(&station, "sequence=a&frame_index=0", 40).await;
+    let refused = post(&station, "sequence=b&frame_index=0", 40).await;
+    assert_eq!(refused.assert_problem(503).pointer(), "/sequence");
+    assert!(refused.detail().contains("sequences.most"), "{refused:?}");
+    assert!(refused.headers.contains_key("retry-after"), "{refused:?}");
+    let next = post(&station, "sequence=a&frame_index=1", 43).await;
+    assert_eq!((&next.json["sequence"]["beginning"], track(&next)), (&Value::Null, track(&first)));
+}
+
+#[tokio::test]
+async fn of_those_that_are_not_in_use_the_one_not_used_for_longest_makes_room() {
+    let station = Station::with(|settings| (settings.sequences.most, settings.sequences.in_use_ms) = (1, 0)).await;
     post(&station, "sequence=a", 40).await;
     post(&station, "sequence=b", 40).await;
     assert_eq!(post(&station, "sequence=a", 43).await.json["sequence"]["beginning"], "first");

@@ -55,11 +55,12 @@ pub(super) fn find(picture: &Luma, grid: &AprilGrid) -> Result<Vec<SeenPoint>, N
             Seen::Several(count) => return Err(NoBoard::Several { count }),
             Seen::Other { columns, rows } => {
                 return Err(NoBoard::OtherSize {
-                    pattern: "aprilgrid",
+                    pattern: "board of tags",
                     found_columns: columns,
                     found_rows: rows,
                     columns: grid.columns as usize,
                     rows: grid.rows as usize,
+                    cut: false,
                 });
             }
         }
@@ -69,7 +70,7 @@ pub(super) fn find(picture: &Luma, grid: &AprilGrid) -> Result<Vec<SeenPoint>, N
     }
     let points = settled(&raw, &best, grid);
     if best.len() < MIN_TAGS || points.len() < 4 {
-        return Err(NoBoard::NotSeen { pattern: "aprilgrid", found: points.len(), need: 4 * all });
+        return Err(NoBoard::NotSeen { pattern: "board of tags", found: points.len(), need: 4 * all });
     }
     Ok(points)
 }
@@ -273,9 +274,23 @@ mod tests {
             &Optics::default(),
             200,
         );
-        let other = NoBoard::OtherSize { pattern: "aprilgrid", found_columns: 6, found_rows: 6, columns: 5, rows: 7 };
+        let other = NoBoard::OtherSize {
+            pattern: "board of tags",
+            found_columns: 6,
+            found_rows: 6,
+            columns: 5,
+            rows: 7,
+            cut: false,
+        };
         assert_eq!(find(&frame, &board("aprilgrid:5x7:0.03")), Err(other));
-        let fewer = NoBoard::OtherSize { pattern: "aprilgrid", found_columns: 6, found_rows: 6, columns: 6, rows: 4 };
+        let fewer = NoBoard::OtherSize {
+            pattern: "board of tags",
+            found_columns: 6,
+            found_rows: 6,
+            columns: 6,
+            rows: 4,
+            cut: false,
+        };
         assert_eq!(find(&frame, &board("aprilgrid:6x4:0.03")), Err(fewer));
         let chess = board("chessboard:9x6:0.02");
         let frame = taken(
@@ -285,7 +300,7 @@ mod tests {
             &Optics::default(),
             201,
         );
-        assert_eq!(find(&frame, &here), Err(NoBoard::NotSeen { pattern: "aprilgrid", found: 0, need: 144 }));
+        assert_eq!(find(&frame, &here), Err(NoBoard::NotSeen { pattern: "board of tags", found: 0, need: 144 }));
         for sample in [0, 255] {
             let even = Frame::checked(64, 48, Pixels::Luma(vec![sample; 64 * 48]), Coding::LOSSLESS).expect("a frame");
             assert!(matches!(find(&even, &here), Err(NoBoard::NotSeen { .. })));

@@ -22,12 +22,12 @@ mod saddle;
 
 use nalgebra::Matrix2;
 
-use self::extent::Extent;
+use self::extent::{Extent, Placement};
 use self::lattice::Lattice;
 use self::links::Corner;
 use self::pyramid::{Level, Pyramid};
 use self::ring::{Demand, Ring};
-use super::{Luma, NoBoard};
+use super::{Luma, Need, NoBoard};
 use crate::board::Chessboard;
 use crate::calibrate::SeenPoint;
 use crate::camera::Pixel;
@@ -104,6 +104,13 @@ impl<'a> Answer<'a> {
         (self.chessboard.columns * self.chessboard.rows) as usize
     }
 
+    /// Columns and rows that must be seen.
+    const fn least_lines(&self) -> usize {
+        let shorter =
+            if self.chessboard.columns < self.chessboard.rows { self.chessboard.columns } else { self.chessboard.rows };
+        if shorter < 4 { shorter as usize } else { 4 }
+    }
+
     /// Whether no other level can give more.
     fn is_whole(&self) -> bool {
         self.several > 1 || self.points.len() == self.need()
@@ -150,8 +157,7 @@ impl<'a> Answer<'a> {
     /// The board's points if the lattice is one of it.
     fn points_of(&self, lattice: &mut Lattice, extent: &Extent, pyramid: &Pyramid<'_>) -> Option<Vec<SeenPoint>> {
         let [columns, rows] = extent.size();
-        let least = self.chessboard.columns.min(self.chessboard.rows).min(4) as usize;
-        if columns.min(rows) < least {
+        if columns.min(rows) < self.least_lines() {
             return None;
         }
         order::points(lattice, extent, self.chessboard)?;
@@ -187,13 +193,19 @@ impl<'a> Answer<'a> {
             return Ok(self.points);
         }
         let pattern = "chessboard";
-        let Some(Other { extent: other, .. }) = self.other else {
+        let Some(Other { extent: other, .. }) = &self.other else {
             return Err(NoBoard::NotSeen { pattern, found: self.found, need });
         };
         let [a, b] = other.size();
         let (long, short) = (a.max(b), a.min(b));
         let (found_columns, found_rows) = if columns >= rows { (long, short) } else { (short, long) };
-        Err(NoBoard::OtherSize { pattern, found_columns, found_rows, columns, rows })
+        let cut = other.open.contains(&true);
+        // It fits the board as far as it goes, and does not go far enough.
+        if cut && short < self.least_lines() && !Placement::all(other, self.chessboard).is_empty() {
+            let need = Need::Lines(self.least_lines());
+            return Err(NoBoard::CutOff { pattern, found_columns, found_rows, columns, rows, need });
+        }
+        Err(NoBoard::OtherSize { pattern, found_columns, found_rows, columns, rows, cut })
     }
 }
 

@@ -8,12 +8,15 @@ mod start;
 mod tests;
 
 use super::discs::{Disc, Near, Places};
-use super::{Luma, NoBoard};
+use super::{Luma, Need, NoBoard};
 use crate::board::Circles;
 use crate::calibrate::SeenPoint;
 
 use board::{Fit, placement};
 use growth::lattices;
+
+/// What it is called.
+const PATTERN: &str = "board of circles";
 
 /// The discs of the lattice that the picture shows.
 pub(super) fn find(picture: &Luma, circles: &Circles) -> Result<Vec<SeenPoint>, NoBoard> {
@@ -22,7 +25,7 @@ pub(super) fn find(picture: &Luma, circles: &Circles) -> Result<Vec<SeenPoint>, 
     let lattices = lattices(&discs, &near, circles);
     let need = (circles.columns * circles.rows) as usize;
     let Some(most) = lattices.iter().max_by_key(|lattice| lattice.len()) else {
-        return Err(NoBoard::NotSeen { pattern: "circles", found: 0, need });
+        return Err(NoBoard::NotSeen { pattern: PATTERN, found: 0, need });
     };
     let fits: Vec<Fit> = lattices.iter().map(|lattice| placement(lattice, picture, circles)).collect();
     let boards: Vec<&Vec<(usize, usize)>> = fits
@@ -34,16 +37,23 @@ pub(super) fn find(picture: &Luma, circles: &Circles) -> Result<Vec<SeenPoint>, 
         .collect();
     match boards.as_slice() {
         [points] => placed(picture, &discs, &near, points),
-        [] => Err(match fits.iter().find(|fit| matches!(fit, Fit::Other { .. })) {
-            Some(Fit::Other { columns: found_columns, rows: found_rows }) => NoBoard::OtherSize {
-                pattern: "circles",
-                found_columns: *found_columns,
-                found_rows: *found_rows,
-                columns: circles.columns as usize,
-                rows: circles.rows as usize,
-            },
-            _ => NoBoard::NotSeen { pattern: "circles", found: most.len().min(need), need },
-        }),
+        [] => {
+            let (columns, rows) = (circles.columns as usize, circles.rows as usize);
+            Err(match fits.iter().find(|fit| matches!(fit, Fit::Other { .. })) {
+                Some(&Fit::Other { columns: found_columns, rows: found_rows, cut }) => {
+                    let least = board::least_points(circles);
+                    let is_part = found_columns <= columns && found_rows <= rows;
+                    // It fits the board as far as it goes, and does not go far enough.
+                    if cut && is_part && found_columns * found_rows < least {
+                        let need = Need::Points(least);
+                        NoBoard::CutOff { pattern: PATTERN, found_columns, found_rows, columns, rows, need }
+                    } else {
+                        NoBoard::OtherSize { pattern: PATTERN, found_columns, found_rows, columns, rows, cut }
+                    }
+                }
+                _ => NoBoard::NotSeen { pattern: PATTERN, found: most.len(), need },
+            })
+        }
         several => Err(NoBoard::Several { count: several.len() }),
     }
 }

@@ -22,7 +22,7 @@ use stars::Stars;
 
 /// The dots that the picture shows.
 pub(super) fn find(picture: &Luma, dots: &Dots) -> Result<Vec<SeenPoint>, NoBoard> {
-    let not_seen = |found| NoBoard::NotSeen { pattern: "dots", found, need: dots.places_m.len() };
+    let not_seen = |found| NoBoard::NotSeen { pattern: "board of dots", found, need: dots.places_m.len() };
     let discs = Disc::all(picture);
     let near = Near::of(discs.iter().map(|disc| disc.pixel).collect(), picture.width, picture.height);
     let stars = Stars::of(dots).ok_or_else(|| not_seen(0))?;

@@ -12,7 +12,10 @@ const FLICKER: [f64; 2] = [1.3, 0.10];
 /// Of what is smaller than this, px, the area changes by noise, and tells nothing.
 pub const LEAST_AREA_PX: f64 = 100.0;
 
-/// The class of a track; none where it is seen too little to tell.
+/// What flies with less than this probability is said to be neither.
+pub const LEAST_SCORE: f64 = 0.5;
+
+/// The class of a track, if it flies; none where it is seen too little to tell.
 #[must_use]
 pub fn class(track: &Track) -> Option<Class> {
     if track.hits < LEAST_HITS || track.seen.area_px < LEAST_AREA_PX {

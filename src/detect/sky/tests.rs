@@ -37,7 +37,11 @@ fn spot(x: f64, y: f64, [u, v]: [f64; 2], [across, down]: [f64; 2]) -> f64 {
 }
 
 fn observe(watch: &mut Watch, frame: &Frame, stamp: Stamp) -> Detection {
-    watch.observe(frame, frame.full(), stamp, &SkyOptions { min_score: 0.0, ..SkyOptions::default() })
+    let detection = watch.observe(frame, frame.full(), stamp, &SkyOptions { min_score: 0.0, ..SkyOptions::default() });
+    for centroid in &detection.centroids {
+        assert!(crate::detect::spans(centroid.bounds, &centroid.pixel), "outside its own box: {centroid:?}");
+    }
+    detection
 }
 
 fn nearest(detection: &Detection, place: [f64; 2]) -> Option<&Centroid> {
@@ -240,4 +244,19 @@ fn what_flaps_is_a_bird_and_what_does_not_is_an_aircraft() {
     };
     assert_eq!(classes(true), Some(crate::detect::Class::Bird));
     assert_eq!(classes(false), Some(crate::detect::Class::Aircraft));
+}
+
+#[test]
+fn what_rather_does_not_fly_has_no_class() {
+    use super::candidate::{Candidate, Cues};
+    let class = |goes_on: f32| {
+        let cues = Cues { contrast_ln: 3.5, moving_ln: 1.5, size_ln: 1.5, goes_on, ..Cues::default() };
+        let mut track = Track::start(1, Candidate { cues, area_px: 200.0, ..Candidate::default() });
+        (track.hits, track.flicker) = (100, 4.0);
+        let seen = centroid(&track, Region { x: 0, y: 0, width: 160, height: 128 });
+        (seen.score > 0.5, seen.class)
+    };
+    assert_eq!(class(0.0), (true, Some(crate::detect::Class::Bird)));
+    // The same that goes on beyond its outline, as a branch does.
+    assert_eq!(class(2.0), (false, None));
 }

@@ -2,11 +2,12 @@
 
 mod report;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
-use super::inputs::{given, given_camera, unreadable};
+use super::inputs::{given, given_camera};
+use super::outputs::{one_is_printed, write};
 use super::{SettingsArgs, Stop, runtime};
 use crate::assess::AssessOptions;
 use crate::shell::console::print_line;
@@ -36,7 +37,7 @@ pub(super) struct Assess {
     /// Write the reply of the API; - prints it instead of the report.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw the figures over range and aspect (SVG).
+    /// Draw the figures over range and aspect (SVG); - prints the drawing instead of the report.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -45,6 +46,7 @@ pub(super) struct Assess {
 
 impl Assess {
     pub(super) fn run(self) -> Result<(), Stop> {
+        let is_other_printed = one_is_printed([("--json", self.json.as_deref()), ("--plot", self.plot.as_deref())])?;
         let terms = Terms::of(&self.settings.load(Vec::new())?);
         let stored = self.settings.data.is_some();
         let others: Result<Vec<_>, Fault> = self.others.iter().map(|path| given::<TargetWire>(path, stored)).collect();
@@ -70,19 +72,14 @@ impl Assess {
         if let Some(path) = &self.plot {
             write(path, &task.plot(&assessment))?;
         }
-        let json = || {
-            serde_json::to_string(&AssessmentReply::from(&assessment))
-                .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))
-        };
-        match &self.json {
-            Some(path) if path.as_os_str() == "-" => return Ok(print_line(&json()?)?),
-            Some(path) => write(path, &json()?)?,
-            None => {}
+        if let Some(path) = &self.json {
+            let json = serde_json::to_string(&AssessmentReply::from(&assessment))
+                .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
+            write(path, &json)?;
         }
-        Ok(print_line(&report::of(task.target(), task.camera(), task.pixel_sigma(), &assessment))?)
+        if !is_other_printed {
+            print_line(&report::of(task.target(), task.camera(), task.pixel_sigma(), &assessment))?;
+        }
+        Ok(())
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Fault> {
-    std::fs::write(path, text).map_err(|error| unreadable(path, &error))
 }

@@ -1,12 +1,14 @@
 //! `skypose calibrate`.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 use clap::Args;
 
-use super::inputs::{bytes_of, frames_of, pattern_of, unwritable};
+use super::inputs::{frames_of, pattern_of, unreadable, unreadable_source};
+use super::outputs::{is_printed, one_is_printed, write};
 use super::{SettingsArgs, Stop, runtime};
 use crate::board::Board;
 use crate::frame::Limits;
@@ -44,10 +46,10 @@ pub(super) struct Calibrate {
     /// Write the result with its report as JSON; - prints it instead of the summary.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write the report as a page that needs nothing else.
+    /// Write the report as a page that needs nothing else; - prints it instead of the summary.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Write the camera alone, for --camera of other commands.
+    /// Write the camera alone, for --camera of other commands; - prints it instead of the summary.
     #[arg(long, value_name = "FILE.json")]
     camera_out: Option<PathBuf>,
     /// Store the camera under this name in the folder that --data names.
@@ -64,6 +66,11 @@ fn named<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
 impl Calibrate {
     pub(super) fn run(self) -> Result<(), Stop> {
         let settings = self.settings.load(Vec::new())?;
+        let is_other_printed = one_is_printed([
+            ("--json", self.json.as_deref()),
+            ("--report", self.report.as_deref()),
+            ("--camera-out", self.camera_out.as_deref()),
+        ])?;
         if let Some(name) = &self.name {
             check_name(name)?;
         }
@@ -72,6 +79,10 @@ impl Calibrate {
             CalibrationRequest { pattern, model: self.model, fixed: self.fix.clone(), force: self.force, name: None };
         request.check().map_err(|fault| Fault { pointer: None, ..fault })?;
         let paths = frames_of(&self.inputs)?;
+        // What was named and is not there is no picture without a board.
+        for path in &paths {
+            path.metadata().map_err(|error| unreadable(path, &error))?;
+        }
         let mut sightings = looked(&paths, &board, settings.frames.limits(), settings.workers.thread_count());
         let size = usual_size(&sightings);
         refuse_other_sizes(&mut sightings, size);
@@ -92,17 +103,19 @@ impl Calibrate {
                 complain(&format!("{}: {reason}", view.name));
             }
         }
-        self.write(&wire, &page)
+        self.write(&wire, &page)?;
+        if !is_other_printed {
+            print_summary(&wire)?;
+        }
+        if let Some(path) = self.report.as_deref().filter(|path| !is_printed(path)) {
+            note(&format!("The report: {}", path.display()));
+        }
+        Ok(())
     }
 
     fn write(&self, wire: &CalibrationWire, page: &str) -> Result<(), Stop> {
         let json = json_of(wire)?;
         let camera = json_of(&wire.camera)?;
-        for (path, text) in [(&self.report, page), (&self.camera_out, camera.as_str())] {
-            if let Some(path) = path {
-                write_file(path, text)?;
-            }
-        }
         if let (Some(name), Some(folder)) = (&self.name, &self.settings.data) {
             runtime()?
                 .block_on(async {
@@ -113,14 +126,10 @@ impl Calibrate {
                 })
                 .map_err(Fault::from)?;
         }
-        match &self.json {
-            Some(path) if path.as_os_str() == "-" => return Ok(print_line(&json)?),
-            Some(path) => write_file(path, &json)?,
-            None => {}
-        }
-        print_summary(wire)?;
-        if let Some(path) = &self.report {
-            note(&format!("The report: {}", path.display()));
+        for (path, text) in [(&self.report, page), (&self.camera_out, &camera), (&self.json, &json)] {
+            if let Some(path) = path {
+                write(path, text)?;
+            }
         }
         Ok(())
     }
@@ -130,26 +139,37 @@ fn json_of(value: &impl serde::Serialize) -> Result<String, Fault> {
     serde_json::to_string(value).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))
 }
 
-fn write_file(path: &Path, text: &str) -> Result<(), Fault> {
-    std::fs::write(path, text).map_err(|error| unwritable(path, &error))
+/// What pictures are called: by their files' names, or, where two have the same in different folders, as they were given.
+fn names_of(paths: &[PathBuf]) -> Vec<String> {
+    let short = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let mut counts: HashMap<String, usize> = HashMap::new();
+    for path in paths {
+        *counts.entry(short(path)).or_default() += 1;
+    }
+    let name = |path: &PathBuf| match short(path) {
+        name if counts.get(&name) == Some(&1) => name,
+        _ => path.display().to_string(),
+    };
+    paths.iter().map(name).collect()
 }
 
 /// The board in every picture, several at a time, in their order.
 fn looked(paths: &[PathBuf], board: &Board, limits: Limits, threads: usize) -> Vec<Sighting> {
     let bar = progress(paths.len(), "pictures");
+    let names = names_of(paths);
     let next = AtomicUsize::new(0);
     let (send, receive) = mpsc::channel();
     let mut found: Vec<(usize, Sighting)> = std::thread::scope(|scope| {
         for _ in 0..threads.min(paths.len()) {
-            let (send, next) = (send.clone(), &next);
+            let (send, next, names) = (send.clone(), &next, &names);
             scope.spawn(move || {
-                while let Some((index, path)) =
-                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|index| Some((index, paths.get(index)?)))
+                while let Some((index, path, name)) = Some(next.fetch_add(1, Ordering::Relaxed))
+                    .and_then(|index| Some((index, paths.get(index)?, names.get(index)?.clone())))
                 {
-                    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-                    let sighting = match bytes_of(path) {
+                    let sighting = match std::fs::read(path) {
                         Ok(bytes) => look(name, &bytes, board, limits),
-                        Err(fault) => Sighting::unreadable(name, fault.detail),
+                        // The name stands before the reason.
+                        Err(error) => Sighting::unreadable(name, unreadable_source(&error).detail),
                     };
                     if send.send((index, sighting)).is_err() {
                         return;
@@ -187,4 +207,16 @@ fn print_summary(wire: &CalibrationWire) -> Result<(), Stop> {
         print_line(&format!("- {line}"))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_of_one_name_are_told_apart_by_their_folders() {
+        let names = |paths: &[&str]| names_of(&paths.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(names(&["a/1.jpg", "b/2.jpg"]), ["1.jpg", "2.jpg"]);
+        assert_eq!(names(&["a/1.jpg", "b/1.jpg", "b/2.jpg"]), ["a/1.jpg", "b/1.jpg", "2.jpg"]);
+    }
 }

@@ -6,7 +6,8 @@ use std::str::FromStr;
 use clap::Args;
 
 use super::Stop;
-use super::inputs::{camera_of, unwritable};
+use super::inputs::camera_of;
+use super::outputs::write;
 use crate::shell::console::print_line;
 use crate::shell::fault::Fault;
 use crate::shell::wire::{CameraFormat, DerivedCameraWire, write_camera};
@@ -19,7 +20,7 @@ pub(super) struct CameraFile {
     /// json, ros, opencv-yaml or opencv-xml. Covariances are in JSON only.
     #[arg(long, value_name = "FORMAT", default_value = "json", value_parser = CameraFormat::of_name)]
     to: CameraFormat,
-    /// Where it goes; without it, to standard output.
+    /// Where it goes; without it, or as -, to standard output.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// The camera of this part of its pictures: x, y, width, height, px.
@@ -60,7 +61,7 @@ impl CameraFile {
         let camera = camera.map_err(in_file)?;
         let text = write_camera(&camera, &name, self.to)?;
         match &self.out {
-            Some(path) => Ok(std::fs::write(path, text).map_err(|error| unwritable(path, &error))?),
+            Some(path) => write(path, &text),
             None => Ok(print_line(text.trim_end())?),
         }
     }

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::film::{film, study_of};
-use super::inputs::{given, given_camera, unwritable};
+use super::inputs::{given, given_camera};
+use super::outputs::{one_is_printed, write};
 use super::{SettingsArgs, Stop, runtime};
 use crate::encounter::KNOT_MPS;
 use crate::shell::console::print_line;
@@ -102,7 +103,7 @@ pub(super) struct Encounter {
     /// Print the reply of the API, or write it to FILE.
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-")]
     json: Option<PathBuf>,
-    /// Write a page with tables and pictures, which needs nothing else.
+    /// Write a page with tables and pictures, which needs nothing else; - prints it instead of the text.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -130,6 +131,8 @@ enum SideArg {
 
 impl Encounter {
     pub(super) fn run(self) -> Result<(), Stop> {
+        let is_other_printed =
+            one_is_printed([("--json", self.json.as_deref()), ("--report", self.report.as_deref())])?;
         let terms = Terms::of(&self.settings.load(Vec::new())?);
         let runtime = runtime()?;
         let store = match &self.settings.data {
@@ -146,13 +149,15 @@ impl Encounter {
         if let Some(path) = &self.report {
             write(path, &task.page(&answer)?)?;
         }
-        let json = || serde_json::to_string(&reply).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()));
-        match &self.json {
-            Some(path) if path.as_os_str() == "-" => return Ok(print_line(&json()?)?),
-            Some(path) => write(path, &json()?)?,
-            None => {}
+        if let Some(path) = &self.json {
+            let json =
+                serde_json::to_string(&reply).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
+            write(path, &json)?;
         }
-        Ok(print_line(&text(&reply))?)
+        if !is_other_printed {
+            print_line(&text(&reply))?;
+        }
+        Ok(())
     }
 
     fn request(&self) -> Result<EncounterRequest, Fault> {
@@ -199,10 +204,6 @@ impl Encounter {
             ..default
         })
     }
-}
-
-fn write(path: &std::path::Path, text: &str) -> Result<(), Fault> {
-    std::fs::write(path, text).map_err(|error| unwritable(path, &error))
 }
 
 /// Where an azimuth is, in whole degrees.

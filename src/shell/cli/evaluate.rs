@@ -9,8 +9,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::outputs::{is_printed, one_is_printed};
 use super::{SettingsArgs, Stop};
 use crate::detect::Detector;
+use crate::shell::console::note;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::recorded::Files;
 use crate::shell::wire::encounters::SensingName;
@@ -70,11 +72,11 @@ pub(super) struct Evaluate {
     /// Write the figures as JSON; - prints them instead of the tables.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write the report with pictures as a page that needs nothing else.
+    /// Write the report with pictures as a page that needs nothing else; - prints it instead of the tables.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     /// Write a table with a row for every case and solver, every frame or every encounter: CSV; that of a study or of encounters also, where the name ends in .json or
-    /// .jsonl, one JSON object a line.
+    /// .jsonl, one JSON object a line. - prints it instead of the tables.
     #[arg(long, value_name = "FILE.csv")]
     cases: Option<PathBuf>,
     #[command(flatten)]
@@ -87,6 +89,22 @@ fn detector(text: &str) -> Result<DetectorWire, String> {
 }
 
 impl Evaluate {
+    /// Whether one of the files is standard output, so that the tables are not printed.
+    fn is_other_printed(&self) -> Result<bool, Fault> {
+        one_is_printed([
+            ("--json", self.json.as_deref()),
+            ("--report", self.report.as_deref()),
+            ("--cases", self.cases.as_deref()),
+        ])
+    }
+
+    /// Tells where the report is.
+    fn note_report(&self) {
+        if let Some(path) = self.report.as_deref().filter(|path| !is_printed(path)) {
+            note(&format!("The report: {}", path.display()));
+        }
+    }
+
     pub(super) fn run(self) -> Result<(), Stop> {
         let of_studies = [
             ("--runs", self.runs.is_some()),

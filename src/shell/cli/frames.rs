@@ -192,12 +192,14 @@ impl Frames {
         let Some(file) = &self.requests else {
             let job = |path: PathBuf| {
                 let is_video = Source::is_video(&path);
-                Job { path, is_video, id: None, request: Ok(request.clone()) }
+                Job { path, is_video, line: None, id: None, request: Ok(request.clone()) }
             };
             return Ok(frames_of(&self.inputs)?.into_iter().map(job).collect());
         };
         let unusable = |error: std::io::Error| Fault::new(FaultKind::Unreadable, error.to_string());
-        let text = if file.as_os_str() == "-" {
+        let is_input = file.as_os_str() == "-";
+        let name = if is_input { "standard input".into() } else { file.display().to_string() };
+        let text = if is_input {
             let mut text = Vec::new();
             std::io::Read::read_to_end(&mut std::io::stdin().lock(), &mut text).map_err(unusable)?;
             text
@@ -205,8 +207,11 @@ impl Frames {
             bytes_of(file)?
         };
         let folder = file.parent().unwrap_or(Path::new(""));
-        let requests = Requests::of(text.as_slice());
-        requests.map(|read| Ok(Job::of(read.map_err(unusable)?.1, folder))).collect()
+        let jobs = Requests::of(text.as_slice()).map(|read| {
+            let (number, request) = read.map_err(unusable)?;
+            Ok(Job::of(request, folder, format!("{name}:{number}")))
+        });
+        jobs.collect()
     }
 }
 
@@ -215,13 +220,15 @@ struct Job {
     path: PathBuf,
     /// Not one frame but all that it shows.
     is_video: bool,
+    /// Where the request stands, if in a file.
+    line: Option<String>,
     id: Option<Value>,
     request: Result<FrameRequest, Fault>,
 }
 
 impl Job {
     /// A relative path counts from here, or else from the folder of the file.
-    fn of(request: Result<Value, Fault>, folder: &Path) -> Self {
+    fn of(request: Result<Value, Fault>, folder: &Path, line: String) -> Self {
         let mut path = PathBuf::new();
         let id = request.as_ref().ok().and_then(|request| request.get("id").cloned());
         let request = request.and_then(|mut request| {
@@ -235,7 +242,7 @@ impl Job {
             }
             from_value(request)
         });
-        Self { path, is_video: false, id, request }
+        Self { path, is_video: false, line: Some(line), id, request }
     }
 }
 
@@ -243,6 +250,30 @@ impl Job {
 enum Kind {
     Detection,
     Estimate,
+}
+
+/// What a reply is about.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    /// The frame's file, empty where a request names none, or the video.
+    source: &'a str,
+    /// Where the request stands, if in a file.
+    line: Option<&'a str>,
+}
+
+impl<'a> Asked<'a> {
+    const fn of(source: &'a str) -> Self {
+        Self { source, line: None }
+    }
+
+    /// For people.
+    fn place(self) -> String {
+        match self.line {
+            None => self.source.into(),
+            Some(line) if self.source.is_empty() => line.into(),
+            Some(line) => format!("{line}: {}", self.source),
+        }
+    }
 }
 
 /// A reply with the file that it is about.
@@ -315,14 +346,14 @@ fn run(
             let task = in_sequence(task.clone(), &source.to_string());
             looking.at_video(&source, task, &grabbing)?;
         } else {
-            let source = job.path.display().to_string();
+            let source = Asked { source: &job.path.display().to_string(), line: job.line.as_deref() };
             let answer = task.and_then(|task| {
                 let bytes = std::fs::read(&job.path).map_err(|error| unreadable_source(&error))?;
                 let task = if frames.annotate.is_some() { task.shown() } else { task };
                 let task = if frames.sequence { in_sequence(task, SEQUENCE) } else { task };
                 looking.answer(Seen::Bytes(&bytes), &task, &job.path)
             });
-            bar.suspend(|| looking.tell(&source, (frames.sequence.then_some(index as u64), None), job.id, answer))?;
+            bar.suspend(|| looking.tell(source, (frames.sequence.then_some(index as u64), None), job.id, answer))?;
             bar.inc(1);
         }
         if is_interrupted() {
@@ -368,14 +399,14 @@ impl Looking {
         let name = source.to_string();
         let mut grabber = match Grabber::open(source, options) {
             Ok(grabber) => grabber,
-            Err(error) => return self.tell(&name, (None, None), None, Err(error.into())),
+            Err(error) => return self.tell(Asked::of(&name), (None, None), None, Err(error.into())),
         };
         let mut timeline = Timeline::new(grabber.duration_us());
         for grabbed in &mut grabber {
             let grabbed = match grabbed {
                 Ok(grabbed) => grabbed,
                 Err(error) => {
-                    timeline.suspend(|| self.tell(&name, (None, None), None, Err(error.into())))?;
+                    timeline.suspend(|| self.tell(Asked::of(&name), (None, None), None, Err(error.into())))?;
                     break;
                 }
             };
@@ -386,7 +417,7 @@ impl Looking {
             let answer = self.answer(seen, &task, &moving::frame_name(source, grabbed.index));
             // What is wrong with one frame of a video (its size, the region) is wrong with all.
             let is_over = answer.is_err();
-            timeline.suspend(|| self.tell(&name, place, None, answer))?;
+            timeline.suspend(|| self.tell(Asked::of(&name), place, None, answer))?;
             if is_over {
                 break;
             }
@@ -421,15 +452,16 @@ impl Looking {
     /// The line of an answer, or of a fault, which is complained of too.
     fn tell(
         &mut self,
-        source: &str,
+        asked: Asked<'_>,
         (frame_index, time_us): (Option<u64>, Option<i64>),
         id: Option<Value>,
         answer: Result<Value, Fault>,
     ) -> Result<(), Stop> {
+        let source = asked.source;
         let line = match answer {
             Ok(reply) => to_line(Line { source, frame_index, time_us, reply })?,
             Err(fault) => {
-                self.failures.add(source, &fault);
+                self.failures.add(&asked.place(), &fault);
                 to_line(Line { source, frame_index, time_us, reply: Failed { id, error: (&fault).into() } })?
             }
         };

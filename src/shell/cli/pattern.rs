@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::Stop;
 use super::inputs::{pattern_of, unwritable};
+use super::outputs::{one_is_printed, write};
 use crate::board::{Paper, Print};
 use crate::shell::console::print_line;
 use crate::shell::fault::{Fault, FaultKind};
@@ -59,15 +60,16 @@ impl PatternSheet {
             };
             files.push((path, bytes));
         }
+        let is_described = one_is_printed([("--description", self.description.as_deref())])?;
         if let Some(path) = &self.description {
-            let json = serde_json::to_vec(&PatternWire::from(&board))
+            let json = serde_json::to_string(&PatternWire::from(&board))
                 .map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
-            files.push((path, json));
+            write(path, &json)?;
         }
         for (path, bytes) in files {
             std::fs::write(path, bytes).map_err(|error| unwritable(path, &error))?;
         }
-        if self.out.is_empty() {
+        if self.out.is_empty() && !is_described {
             print_line(print.svg().trim_end())?;
         }
         Ok(())

@@ -37,19 +37,28 @@ impl FrameSettings {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SequenceSettings {
-    /// Most that are remembered; the one not used for longest makes room.
+    /// Most that are remembered. Of those that are not in use the one not used for longest makes room; a further one is refused where
+    /// all are.
     pub most: usize,
+    /// Time after its last frame in which one is in use.
+    pub in_use_ms: u64,
     /// Time after its last frame at which one is forgotten.
     pub idle_ms: u64,
 }
 
 impl Default for SequenceSettings {
     fn default() -> Self {
-        Self { most: 16, idle_ms: 60_000 }
+        Self { most: 16, in_use_ms: 10_000, idle_ms: 60_000 }
     }
 }
 
 impl SequenceSettings {
+    /// Time after its last frame in which one is in use.
+    #[must_use]
+    pub const fn in_use(&self) -> Duration {
+        Duration::from_millis(self.in_use_ms)
+    }
+
     /// Time after its last frame at which one is forgotten.
     #[must_use]
     pub const fn idle(&self) -> Duration {

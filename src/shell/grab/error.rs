@@ -62,6 +62,14 @@ pub enum GrabError {
         /// ffmpeg's last words.
         words: String,
     },
+    /// Some of its frames did not decode, or not wholly.
+    #[error("{frames} frames could be read, but some are damaged or missing: {words}")]
+    Damaged {
+        /// Frames that were read.
+        frames: u64,
+        /// ffmpeg's last words.
+        words: String,
+    },
     /// The picture became larger or smaller, so that it cannot be of the camera that it was of.
     #[error("the size of its frames changes after {frames} frames")]
     SizeChanged {
@@ -91,6 +99,7 @@ impl From<GrabError> for Fault {
             GrabError::Unreadable { .. }
             | GrabError::NoFrames
             | GrabError::Broken { .. }
+            | GrabError::Damaged { .. }
             | GrabError::SizeChanged { .. } => FaultKind::NotAFrame,
             GrabError::Frame(error) => Self::of_frame(error).kind,
         };

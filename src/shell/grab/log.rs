@@ -17,6 +17,10 @@ const MAX_LINE: u64 = 8192;
 /// Complaints that are kept: the last ones say why it ended.
 const MAX_COMPLAINTS: usize = 3;
 
+/// Words for a picture that was not decoded, or only in part; those of later versions of ffmpeg are others.
+const LOST: [&str; 4] =
+    ["Error while decoding stream", "Error submitting packet to decoder", "corrupt decoded frame", "overread "];
+
 /// What the source says of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Facts {
@@ -37,6 +41,10 @@ pub(super) struct Log {
     complaints: VecDeque<String>,
     /// All of them.
     count: u64,
+    /// Whether a frame has been told of.
+    has_begun: bool,
+    /// Whether a picture was lost since.
+    has_lost: bool,
     /// What goes into the filters, in ffmpeg's words.
     size: Option<String>,
 }
@@ -63,6 +71,12 @@ impl Log {
         if more > 0 { format!("{words} (and {more} more)") } else { words }
     }
 
+    /// Whether a picture was lost, wholly or in part, after the first that was whole: a recording that begins in the midst of a stream
+    /// has all that can be had of it.
+    pub(super) const fn has_lost(&self) -> bool {
+        self.has_lost
+    }
+
     fn complain(&mut self, words: String) {
         self.count += 1;
         if self.complaints.contains(&words) {
@@ -77,10 +91,15 @@ impl Log {
     /// Takes in a line.
     fn hear(&mut self, line: &str, names: &[String; 2]) -> Option<Mark> {
         if line.starts_with("[Parsed_metadata_") {
-            return stamp_of(line).map(Mark::Time);
+            let stamp = stamp_of(line);
+            self.has_begun |= stamp.is_some();
+            return stamp.map(Mark::Time);
         }
         let after = |level: &str| line.split_once(level).map(|(_, words)| words.trim());
-        if let Some(words) = ["[error] ", "[fatal] ", "[panic] "].into_iter().find_map(after) {
+        let is_lost = |words: &&str| LOST.iter().any(|lost| words.contains(lost));
+        let complaint = ["[error] ", "[fatal] ", "[panic] "].into_iter().find_map(after);
+        if let Some(words) = complaint.or_else(|| after("[warning] ").filter(is_lost)) {
+            self.has_lost |= self.has_begun && is_lost(&words);
             self.complain(words.replace(&format!("{}: ", names[0]), "").replace(&names[0], &names[1]));
         } else if let Some(words) = after("[info] ") {
             self.facts.learn(words);
@@ -237,6 +256,25 @@ mod tests {
         assert_eq!(log.facts, facts);
         assert_eq!(marks, [Mark::Time(0), Mark::Time(33_333)]);
         assert_eq!(log.words(), "concealing 3 errors; Invalid data found when processing input; no frames in a.mp4");
+    }
+
+    #[test]
+    fn what_was_lost_after_the_first_picture_counts_and_harmless_complaints_do_not() {
+        let stamp = "[Parsed_metadata_5 @ 0x5] [info] frame:0    pts:0       pts_time:0\n";
+        let corrupt = "[warning] file:a.mp4: corrupt decoded frame in stream 0\n";
+        let undecoded = "[error] Error while decoding stream #0:0: Invalid data found when processing input\n";
+        let harmless = "[h264 @ 0x5] [error] mmco: unref short failure\n\
+                        [mpegts @ 0x5] [warning] Packet corrupt (stream = 0, dts = 482400).\n";
+        for (text, lost) in [
+            ([stamp, corrupt], true),
+            ([stamp, undecoded], true),
+            ([undecoded, stamp], false),
+            ([stamp, harmless], false),
+        ] {
+            assert_eq!(heard(&text.concat()).0.has_lost(), lost, "{text:?}");
+        }
+        let (log, _) = heard(&[stamp, corrupt].concat());
+        assert_eq!(log.words(), "corrupt decoded frame in stream 0");
     }
 
     #[test]

@@ -59,6 +59,14 @@ impl Source {
         }
     }
 
+    /// The file, if it is one.
+    pub(super) fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Device(_) | Self::Address(_) => None,
+        }
+    }
+
     /// What can be said before ffmpeg is asked.
     pub(super) fn check(&self) -> Result<(), GrabError> {
         let missing = |detail: String| GrabError::NoSource { detail };

@@ -14,7 +14,7 @@ use super::jobs::{self, JobId};
 use crate::shell::service::calibration::CALIBRATION;
 use crate::shell::wire::{CalibrationRequest, JobEventWire, JobWire, Problem};
 
-const PARTS: FormParts = FormParts { files: &[("image", None)], request_is_optional: false };
+const PARTS: FormParts = FormParts { files: &[("image", None)], by_name: false, request_is_optional: false };
 
 /// Pictures and what is asked of them as a form.
 #[derive(ToSchema)]

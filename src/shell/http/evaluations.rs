@@ -44,6 +44,7 @@ struct RecordedForm {
 
 const PARTS: FormParts = FormParts {
     files: &[("frame", None), ("truth", Some("truth.json")), ("archive", Some("archive"))],
+    by_name: true,
     request_is_optional: true,
 };
 

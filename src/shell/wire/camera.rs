@@ -38,6 +38,31 @@ pub struct CameraWire {
     pub derived_from: Option<OriginWire>,
 }
 
+impl CameraWire {
+    /// The camera of what a sensor gives of which this is the camera, as ROS' `CameraInfo` states it: of all its pixels only the part
+    /// `roi`, x, y, width, height, is read, all zero being the whole, and of that `binning` pixels across and down are one, 0 being 1.
+    /// A pixel that is made of several has its centre in their middle.
+    ///
+    /// # Errors
+    /// A part that does not lie on the sensor, or fewer pixels than are made one.
+    pub fn of_sensor(&self, roi: [u32; 4], binning: [u32; 2]) -> Result<Self, Fault> {
+        let [across, down] = binning.map(|binning| binning.max(1));
+        if roi == [0; 4] && [across, down] == [1; 2] {
+            return Ok(self.clone());
+        }
+        let mut camera = Camera::try_from(self)?;
+        if roi != [0; 4] {
+            camera = camera.cropped(roi).map_err(|error| Fault::of_camera(&error).at("/roi"))?;
+        }
+        let at_binning = |error| Fault::of_camera(&error).at("/binning_x");
+        let size = [camera.width() / across, camera.height() / down];
+        // Columns and rows that are left over make no pixel.
+        let whole = [0, 0, size[0].saturating_mul(across), size[1].saturating_mul(down)];
+        camera = camera.cropped(whole).and_then(|camera| camera.rescaled(size)).map_err(at_binning)?;
+        Ok(Self::from(&camera))
+    }
+}
+
 /// Where a derived camera comes from: first the part, then the size.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize, ToSchema)]
 #[schema(as = CameraOrigin)]

@@ -120,6 +120,14 @@ fn camera_of(root: &Node) -> Result<CameraWire, Fault> {
         None => [single(root, &WIDTH, "image_width")?, single(root, &HEIGHT, "image_height")?],
     };
     let (name, matrix) = needed(root, &MATRIX, "camera_matrix")?;
+    if let Some(shape) = shape_of(name, matrix)?
+        && shape != [3, 3]
+    {
+        return Err(Fault::senseless(
+            format!("/{name}"),
+            format!("a camera matrix is 3 x 3, not {} x {}", shape[0], shape[1]),
+        ));
+    }
     let matrix: [f64; 9] = numbers(name, matrix)?.try_into().map_err(|found: Vec<f64>| {
         Fault::senseless(format!("/{name}"), format!("a camera matrix has 3 x 3 numbers, not {}", found.len()))
     })?;
@@ -133,7 +141,20 @@ fn camera_of(root: &Node) -> Result<CameraWire, Fault> {
     let coefficients = given.map(|node| numbers(name, node)).transpose()?.unwrap_or_default();
     let distortion = distortion_of(root, name, coefficients)?;
     let camera = CameraWire { distortion, ..CameraWire::pinhole([width, height], [fx, fy], [cx, cy]) };
-    Ok(camera)
+    camera.of_sensor(roi_of(root)?, [optional(root, "binningx")?, optional(root, "binningy")?])
+}
+
+/// The part of the sensor that ROS' `CameraInfo` states.
+fn roi_of(root: &Node) -> Result<[u32; 4], Fault> {
+    let Some((name, roi)) = root.get(&["roi"]) else { return Ok([0; 4]) };
+    if !matches!(roi, Node::Map(_)) {
+        let detail = "a region has x_offset, y_offset, width and height";
+        return Err(Fault::senseless(format!("/{name}"), detail));
+    }
+    let within = |fault: Fault| fault.within(&format!("/{name}"));
+    let [x, y, width, height] =
+        ["xoffset", "yoffset", "width", "height"].map(|side| optional(roi, side).map_err(within));
+    Ok([x?, y?, width?, height?])
 }
 
 /// The lens. ROS names its model, OpenCV's calibration sample says whether it is its fisheye, and otherwise the number of
@@ -183,10 +204,35 @@ fn needed<'a>(root: &'a Node, names: &[&str], usual: &str) -> Result<(&'a str, &
     root.get(names).ok_or_else(|| Fault::senseless(format!("/{usual}"), format!("{usual} is missing")))
 }
 
-/// The numbers of a list or of a matrix.
+/// The numbers of a list or of a matrix, as many as it has by its rows and columns.
 fn numbers(name: &str, node: &Node) -> Result<Vec<f64>, Fault> {
     let data = node.get(&["data"]).map_or(node, |(_, data)| data);
-    data.numbers().map_err(|word| Fault::senseless(format!("/{name}"), format!("{word:?} is no number")))
+    let not_number = |word| Fault::senseless(format!("/{name}"), format!("{word:?} is no number"));
+    let numbers = data.numbers().map_err(not_number)?;
+    match shape_of(name, node)? {
+        Some([rows, columns]) if u64::from(rows) * u64::from(columns) != numbers.len() as u64 => {
+            let detail = format!("a matrix of {rows} x {columns} with {} numbers", numbers.len());
+            Err(Fault::senseless(format!("/{name}"), detail))
+        }
+        _ => Ok(numbers),
+    }
+}
+
+/// Rows and columns of a matrix, where they are stated.
+fn shape_of(name: &str, node: &Node) -> Result<Option<[u32; 2]>, Fault> {
+    let [rows, columns] =
+        ["rows", "cols"].map(|side| node.get(&[side]).is_some().then(|| optional(node, side)).transpose());
+    let within = |fault: Fault| fault.within(&format!("/{name}"));
+    match (rows.map_err(within)?, columns.map_err(within)?) {
+        (Some(rows), Some(columns)) => Ok(Some([rows, columns])),
+        (None, None) => Ok(None),
+        _ => Err(Fault::senseless(format!("/{name}"), "a matrix has rows and cols, or neither")),
+    }
+}
+
+/// A whole number, 0 if left out.
+fn optional(node: &Node, name: &str) -> Result<u32, Fault> {
+    node.get(&[name]).map_or(Ok(0), |_| single(node, &[name], name))
 }
 
 fn single(root: &Node, names: &[&str], usual: &str) -> Result<u32, Fault> {
@@ -342,6 +388,33 @@ mod tests {
         assert_eq!(lens_of(&fisheye), (DistortionModel::Equidistant, &[0.02, -0.01, 0.002, 1e-5][..]));
     }
 
+    /// As `ros2 topic echo` prints a message.
+    #[test]
+    #[expect(clippy::float_cmp, reason = "halves and whole numbers")]
+    fn a_part_of_the_sensor_and_binning_make_another_camera() {
+        let info = "height: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: [-0.2, 0.05, 0.0, 0.0, 0.0]\n\
+                    k: [600.0, 0.0, 320.0, 0.0, 610.0, 240.0, 0.0, 0.0, 1.0]\n";
+        let read = |more: &str| read_camera(format!("{info}{more}").as_bytes()).expect(more);
+        let roi = |text: &str| format!("roi:\n  {}\n  do_rectify: false\n", text.replace(", ", "\n  "));
+        let whole = read("");
+        for same in [
+            format!("binning_x: 0\nbinning_y: 0\n{}", roi("x_offset: 0, y_offset: 0, height: 0, width: 0")),
+            format!("binning_x: 1\nbinning_y: 1\n{}", roi("x_offset: 0, y_offset: 0, height: 480, width: 640")),
+        ] {
+            assert_eq!(read(&same), whole, "{same}");
+        }
+        let part = roi("x_offset: 100, y_offset: 40, height: 240, width: 320");
+        let cut = read(&part);
+        assert_eq!([cut.width, cut.height], [320, 240]);
+        assert_eq!([cut.fx, cut.fy, cut.cx, cut.cy], [600.0, 610.0, 220.0, 200.0]);
+        let binned = read(&format!("binning_x: 2\nbinning_y: 4\n{part}"));
+        assert_eq!([binned.width, binned.height], [160, 60]);
+        // Of the part, and the centre of a pixel is the middle of those that make it.
+        assert_eq!([binned.fx, binned.fy], [300.0, 152.5]);
+        assert_eq!([binned.cx, binned.cy], [220.5 / 2.0 - 0.5, 200.5 / 4.0 - 0.5]);
+        assert_eq!(binned.distortion, whole.distortion);
+    }
+
     #[test]
     fn every_camera_goes_out_and_in() {
         let lenses = [
@@ -387,6 +460,16 @@ mod tests {
             ("plumb_bob", "equidistant", "/distortion_coefficients"),
             ("608.7  ", ".nan", "/camera_matrix"),
             ("608.7  ", "-608.7", "/fx"),
+            ("rows: 3", "rows: 7", "/camera_matrix"),
+            ("rows: 3", "rows: 1", "/camera_matrix"),
+            ("rows: 3", "rows: many", "/camera_matrix/rows"),
+            ("rows: 1", "rows: 7", "/distortion_coefficients"),
+            ("cols: 5", "columns: 5", "/distortion_coefficients"),
+            ("image_width", "binning_x: 1000\nimage_width", "/binning_x"),
+            ("image_width", "binning_y: -2\nimage_width", "/binning_y"),
+            ("image_width", "roi: whole\nimage_width", "/roi"),
+            ("image_width", "roi: {x_offset: 1.5}\nimage_width", "/roi/x_offset"),
+            ("image_width", "roi: {x_offset: 600, width: 100, height: 100}\nimage_width", "/roi"),
         ] {
             let fault = ros(from, to);
             assert_eq!((fault.kind, fault.pointer.as_deref()), (FaultKind::Senseless, Some(pointer)), "{to}: {fault}");

@@ -12,7 +12,7 @@ use crate::frame::RawFormat;
 
 /// How a frame is to be looked at. The frame itself comes beside it.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct FrameRequest {
     /// Copied to the reply.
     pub id: Option<Value>,

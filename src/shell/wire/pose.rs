@@ -13,6 +13,7 @@ use crate::solve::Solver;
 
 /// Points of a target and where a camera sees them.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 pub struct PoseRequest {
     /// Copied to the reply.
     #[serde(default)]
@@ -334,6 +335,7 @@ pub struct PoseReply {
 
 /// Many requests at once.
 #[derive(Clone, Debug, Deserialize, PartialEq, ToSchema)]
+#[serde(deny_unknown_fields)]
 pub struct PoseBatch {
     /// The requests.
     pub requests: Vec<Value>,

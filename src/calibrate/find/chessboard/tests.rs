@@ -5,7 +5,7 @@ use rand::RngExt;
 
 use crate::board::Board;
 use crate::calibrate::SeenPoint;
-use crate::calibrate::find::{NoBoard, find};
+use crate::calibrate::find::{Need, NoBoard, find};
 use crate::camera::{Camera, Distortion, Pixel};
 use crate::frame::{Coding, Decoding, Frame, Pixels};
 use crate::geometry::{CameraFromBoard, rotation};
@@ -210,6 +210,26 @@ fn a_part_of_the_board_is_enough_where_the_picture_ends() {
 }
 
 #[test]
+fn what_runs_out_of_the_picture_is_not_said_to_be_of_another_size() {
+    let view = View::small();
+    let mut cut_off = 0;
+    for step in 0..10_i32 {
+        let middle = [0.0, -100.0 - 15.0 * f64::from(step)];
+        let pose = view.pose(36.0, middle, Vector3::new(0.1, 0.1, 0.0));
+        match find(&view.frame(&pose, "runs out"), &view.board) {
+            Err(NoBoard::CutOff {
+                found_columns: 7, found_rows: 3, columns: 7, rows: 6, need: Need::Lines(4), ..
+            }) => {
+                cut_off += 1;
+            }
+            Err(NoBoard::NotSeen { .. }) | Ok(_) => {}
+            Err(error) => panic!("{middle:?}: {error:?}"),
+        }
+    }
+    assert!(cut_off > 0);
+}
+
+#[test]
 fn a_board_larger_than_the_picture_gives_a_part_of_its_lattice() {
     let view = View::of([400, 320], 380.0, Distortion::None, "chessboard:20x19:0.025");
     let pose = view.pose(32.0, [5.0, 3.0], Vector3::new(0.1, 0.2, 0.05));
@@ -250,7 +270,7 @@ fn a_board_of_another_size_is_told_with_its_size() {
         let error = find(&frame, &wanted.parse().expect("a board"));
         let [found_columns, found_rows] = if columns > rows { [7, 6] } else { [6, 7] };
         let pattern = "chessboard";
-        assert_eq!(error, Err(NoBoard::OtherSize { pattern, found_columns, found_rows, columns, rows }));
+        assert_eq!(error, Err(NoBoard::OtherSize { pattern, found_columns, found_rows, columns, rows, cut: false }));
     }
 }
 

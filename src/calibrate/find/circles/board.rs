@@ -10,14 +10,14 @@ use crate::camera::Pixel;
 pub(super) enum Fit {
     /// The board: its points, each with the number of a disc.
     Board(Vec<(usize, usize)>),
-    /// A board of another size.
-    Other { columns: usize, rows: usize },
+    /// A board of another size, or of which more may be beyond the picture.
+    Other { columns: usize, rows: usize, cut: bool },
     /// Nothing of the kind.
     None,
 }
 
-/// Share of its points that must be seen of a board: what is less may be chance.
-const MIN_POINTS: f64 = 0.3;
+/// Of a hundred of its points so many must be seen of a board: what is less may be chance.
+const MIN_PERCENT: usize = 30;
 
 /// Share of a lattice that may be clutter beside the board.
 const MAX_STRAYS: f64 = 0.05;
@@ -144,8 +144,8 @@ pub(super) fn placement(lattice: &Lattice, picture: &Luma, circles: &Circles) ->
             points.map(|(place, disc)| (extent.point(lay.on_board(*place)), *disc)).collect();
         let strays = places.len() - points.len();
         let is_too_few = best.as_ref().is_some_and(|best| points.len() < best.points.len());
-        let least = MIN_POINTS * f64::from(circles.columns * circles.rows);
-        if is_too_few || strays as f64 > MAX_STRAYS * places.len() as f64 || (points.len() as f64) < least {
+        let is_chance = points.len() < least_points(circles);
+        if is_too_few || is_chance || strays as f64 > MAX_STRAYS * places.len() as f64 {
             continue;
         }
         let back = |place: Place| extent.lattice_by(lay.off_board(place));
@@ -156,7 +156,12 @@ pub(super) fn placement(lattice: &Lattice, picture: &Luma, circles: &Circles) ->
             best = Some(laid);
         }
     }
-    best.map_or_else(|| other(&places, circles), |best| Fit::Board(best.points))
+    best.map_or_else(|| other(&places, lattice, picture, circles), |best| Fit::Board(best.points))
+}
+
+/// Points that must be seen of a board.
+pub(super) fn least_points(circles: &Circles) -> usize {
+    ((circles.columns * circles.rows) as usize * MIN_PERCENT).div_ceil(100)
 }
 
 impl Extent {
@@ -212,7 +217,7 @@ fn bounds(places: impl Iterator<Item = Place>) -> Option<[Place; 2]> {
 const FULL: f64 = 0.75;
 
 /// The size of a lattice that is not the board's.
-fn other(places: &[Place], circles: &Circles) -> Fit {
+fn other(places: &[Place], lattice: &Lattice, picture: &Luma, circles: &Circles) -> Fit {
     let Some([least, greatest]) = bounds(places.iter().copied()) else { return Fit::None };
     let size = |axis: usize| usize::try_from(greatest[axis] - least[axis] + 1).unwrap_or(0);
     let (wide, high) = (size(0), size(1));
@@ -231,5 +236,35 @@ fn other(places: &[Place], circles: &Circles) -> Fit {
     let columns = columns.div_ceil(per_place);
     // Of the right size, but too little of it.
     let is_same = columns == circles.columns as usize && rows == circles.rows as usize;
-    if is_same { Fit::None } else { Fit::Other { columns, rows } }
+    let cut = is_cut(places, [least, greatest], lattice, picture, circles);
+    if is_same { Fit::None } else { Fit::Other { columns, rows, cut } }
+}
+
+/// Of a line beside the lattice, no more than this share may lie within a picture that cuts it off.
+const MAX_INSIDE: f64 = 0.2;
+
+/// Whether the picture ends before the next line of places, on one side at least.
+fn is_cut(
+    places: &[Place],
+    [least, greatest]: [Place; 2],
+    lattice: &Lattice,
+    picture: &Luma,
+    circles: &Circles,
+) -> bool {
+    let extent = Extent::of(circles);
+    let is_open = |axis: usize, step: i32| {
+        let end = if step > 0 { greatest[axis] } else { least[axis] };
+        let outer = places.iter().filter(|place| place[axis] == end).map(|place| {
+            let mut beyond = *place;
+            beyond[axis] += step;
+            // The next line of an asymmetric board is shifted.
+            beyond[1 - axis] += i32::from(extent.layout == CircleLayout::Asymmetric);
+            extent.lattice_by(beyond)
+        });
+        let (inside, all) = outer.fold((0_usize, 0_usize), |(inside, all), place| {
+            (inside + usize::from(lattice.is_in_view(place, picture)), all + 1)
+        });
+        inside as f64 <= MAX_INSIDE * all as f64
+    };
+    [0, 1].into_iter().any(|axis| is_open(axis, 1) || is_open(axis, -1))
 }

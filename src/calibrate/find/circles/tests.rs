@@ -1,5 +1,6 @@
 use super::super::views::{BARREL, FISHEYE, PINHOLE, View, judged, noise};
 use super::super::{NoBoard, find};
+use super::PATTERN;
 use crate::calibrate::SeenPoint;
 use crate::frame::{Coding, Frame, Pixels};
 
@@ -93,7 +94,8 @@ fn another_size_two_boards_and_none_are_told_apart() {
     let larger = View { turn_deg: 0.0, ..View::of("circles:8x6:0.03", PINHOLE) };
     let frame = larger.frame(4);
     let size = |board: &str| find(&frame, &board.parse().expect("a board"));
-    let expected = NoBoard::OtherSize { pattern: "circles", found_columns: 8, found_rows: 6, columns: 7, rows: 5 };
+    let expected =
+        NoBoard::OtherSize { pattern: PATTERN, found_columns: 8, found_rows: 6, columns: 7, rows: 5, cut: false };
     assert_eq!(size(GRID), Err(expected));
     assert!(matches!(size("circles:9x7:0.03"), Err(NoBoard::OtherSize { found_columns: 8, found_rows: 6, .. })));
     assert!(size("circles:8x6:0.03").is_ok());
@@ -107,8 +109,30 @@ fn another_size_two_boards_and_none_are_told_apart() {
     assert_eq!(find(&both, &left.board), Err(NoBoard::Several { count: 2 }));
 
     let nothing = View { middle: [3.0, 0.0], ..View::of(GRID, PINHOLE) };
-    assert_eq!(nothing.seen(7), Err(NoBoard::NotSeen { pattern: "circles", found: 0, need: 35 }));
+    assert_eq!(nothing.seen(7), Err(NoBoard::NotSeen { pattern: PATTERN, found: 0, need: 35 }));
     assert!(matches!(find(&noise(), &nothing.board), Err(NoBoard::NotSeen { .. })));
     let dots = View::of("dots:150:0.25x0.18:0.003", PINHOLE);
     assert!(matches!(find(&dots.frame(8), &nothing.board), Err(NoBoard::NotSeen { .. })));
+}
+
+#[test]
+fn what_runs_out_of_the_picture_is_not_said_to_be_of_another_size() {
+    // Of which two or three rows are less than is needed.
+    let mut cut_off = 0;
+    for board in ["circles:11x9:0.02", ASYMMETRIC] {
+        for step in 0..12_u64 {
+            let middle = [0.0, 0.3 + 0.04 * step as f64];
+            let view = View { middle, turn_deg: 3.0, ..View::of(board, PINHOLE) };
+            match view.seen(20 + step) {
+                Err(NoBoard::CutOff { found_columns, found_rows, columns, rows, .. }) => {
+                    assert!(found_columns <= columns && found_rows < rows, "{board}: {found_columns} x {found_rows}");
+                    cut_off += 1;
+                }
+                Err(NoBoard::OtherSize { cut, .. }) => assert!(cut, "{board} {middle:?}"),
+                Err(NoBoard::NotSeen { .. }) | Ok(_) => {}
+                Err(error) => panic!("{board}: {error}"),
+            }
+        }
+    }
+    assert!(cut_off > 0);
 }

@@ -57,6 +57,6 @@ fn what_is_not_the_sheet_is_not_seen() {
         ("noise", noise()),
         ("a mirror", mirrored.expect("a frame")),
     ] {
-        assert!(matches!(find(&frame, &view.board), Err(NoBoard::NotSeen { pattern: "dots", .. })), "{what}");
+        assert!(matches!(find(&frame, &view.board), Err(NoBoard::NotSeen { pattern: "board of dots", .. })), "{what}");
     }
 }

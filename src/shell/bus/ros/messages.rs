@@ -162,16 +162,7 @@ impl CameraInfo {
             distortion: self.distortion()?,
             ..CameraWire::pinhole([self.width, self.height], [fx, fy], [cx, cy])
         };
-        let mut camera = Camera::try_from(&whole)?;
-        if self.region[2..] != [0, 0] {
-            camera = camera.cropped(self.region).map_err(|error| Fault::of_camera(&error).at("/roi"))?;
-        }
-        let [across, down] = self.binning.map(|binning| binning.max(1));
-        if [across, down] != [1, 1] {
-            let size = [camera.width() / across, camera.height() / down];
-            camera = camera.rescaled(size).map_err(|error| Fault::of_camera(&error).at("/binning_x"))?;
-        }
-        Ok(CameraWire::from(&camera))
+        CameraWire::from(&Camera::try_from(&whole)?).of_sensor(self.region, self.binning)
     }
 
     fn distortion(&self) -> Result<DistortionWire, Fault> {
@@ -256,6 +247,9 @@ mod tests {
         assert_eq!((half.width, half.height), (320, 240));
         // The centre of a pixel of two by two lies between them.
         assert_eq!([half.fx, half.cx].map(f64::to_bits), [300.0_f64, 159.75].map(f64::to_bits));
+        // Of 641 columns the last is none of a pair.
+        let odd = CameraInfo { binning: [2, 2], width: 641, ..info() }.camera();
+        assert_eq!(odd.expect("a camera"), half);
     }
 
     #[test]

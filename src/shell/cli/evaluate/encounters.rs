@@ -8,11 +8,12 @@ use std::thread;
 use serde_json::Value;
 
 use super::super::film::film;
-use super::super::inputs::{json_of, unwritable};
+use super::super::inputs::json_of;
+use super::super::outputs::write;
 use super::super::{Stop, runtime};
 use super::Evaluate;
 use crate::evaluate::encounters::{EncounterStudy, Outcome};
-use crate::shell::console::{note, print_line, progress};
+use crate::shell::console::{print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::is_interrupted;
 use crate::shell::service::encounters::{checked, csv, evaluated, flown, json_rows, resolved};
@@ -44,6 +45,7 @@ pub(super) fn asked(what: &Path) -> Result<Option<EncountersRequest>, Fault> {
 
 pub(super) fn run(options: &Evaluate, mut request: EncountersRequest) -> Result<(), Stop> {
     let settings = options.settings.load(Vec::new())?;
+    let is_other_printed = options.is_other_printed()?;
     request.runs = options.runs.unwrap_or(request.runs);
     request.seed = options.seed.unwrap_or(request.seed);
     request.sensing = options.sensing.unwrap_or(request.sensing);
@@ -73,20 +75,14 @@ pub(super) fn run(options: &Evaluate, mut request: EncountersRequest) -> Result<
     }
     let json =
         serde_json::to_string_pretty(&done.wire).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
-    match &options.json {
-        Some(path) if path.as_os_str() == "-" => return Ok(print_line(&json)?),
-        Some(path) => write(path, &json)?,
-        None => {}
+    if let Some(path) = &options.json {
+        write(path, &json)?;
     }
-    print_line(&table(&done.wire))?;
-    if let Some(path) = &options.report {
-        note(&format!("The report: {}", path.display()));
+    if !is_other_printed {
+        print_line(&table(&done.wire))?;
     }
+    options.note_report();
     Ok(())
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Fault> {
-    std::fs::write(path, text).map_err(|error| unwritable(path, &error))
 }
 
 /// All encounters, several parts at a time, in their order.

@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 use super::super::Stop;
-use super::super::inputs::unwritable;
+use super::super::outputs::write;
 use super::Evaluate;
-use crate::shell::console::{complain, note, print_line, progress};
+use crate::shell::console::{complain, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::is_interrupted;
 use crate::shell::service::compute::Terms;
@@ -19,6 +19,7 @@ use crate::shell::wire::recorded::UnitOutcome;
 /// Evaluates.
 pub(super) fn run(asked: &Evaluate) -> Result<(), Stop> {
     let settings = asked.settings.load(Vec::new())?;
+    let is_other_printed = asked.is_other_printed()?;
     let source = &asked.what;
     let named =
         |fault: Fault, name: &Path| Fault { detail: format!("{}: {fault}", name.display()), pointer: None, ..fault };
@@ -41,20 +42,14 @@ pub(super) fn run(asked: &Evaluate) -> Result<(), Stop> {
     }
     let json =
         serde_json::to_string(&finished.wire).map_err(|error| Fault::new(FaultKind::Internal, error.to_string()))?;
-    match &asked.json {
-        Some(path) if path.as_os_str() == "-" => return Ok(print_line(&json)?),
-        Some(path) => write(path, &json)?,
-        None => {}
+    if let Some(path) = &asked.json {
+        write(path, &json)?;
     }
-    print_line(table::of(&finished.wire).trim_end())?;
-    if let Some(path) = &asked.report {
-        note(&format!("The report: {}", path.display()));
+    if !is_other_printed {
+        print_line(table::of(&finished.wire).trim_end())?;
     }
+    asked.note_report();
     Ok(())
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Fault> {
-    std::fs::write(path, text).map_err(|error| unwritable(path, &error))
 }
 
 /// All units, several at a time, in their order.

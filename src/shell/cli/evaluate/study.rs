@@ -9,10 +9,11 @@ use std::sync::mpsc;
 use std::thread;
 
 use super::super::inputs::{json_of, unwritable};
+use super::super::outputs::{is_printed, write};
 use super::super::{Stop, runtime};
 use super::{Evaluate, table};
 use crate::evaluate::{Row, Shard, Study};
-use crate::shell::console::{note, print_line, progress};
+use crate::shell::console::{print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::evaluation::cases::{csv_head, csv_line, json_line};
 use crate::shell::service::evaluation::{checked, clock, evaluated, resolved};
@@ -27,6 +28,7 @@ const MAX_ROWS: u64 = 20_000_000;
 
 pub(super) fn run(asked: &Evaluate) -> Result<(), Stop> {
     let settings = asked.settings.load(Vec::new())?;
+    let is_other_printed = asked.is_other_printed()?;
     let request = request_of(asked)?;
     let request = runtime()?.block_on(async {
         let store = match &asked.settings.data {
@@ -51,18 +53,15 @@ pub(super) fn run(asked: &Evaluate) -> Result<(), Stop> {
         writer.close()?;
     }
     let done = evaluated(request, &study, &sums)?;
-    for (path, text) in [(&asked.report, Some(&done.page)), (&asked.json, Some(&json_text(&done.wire)?))] {
-        if let (Some(path), Some(text)) = (path.as_ref().filter(|path| path.as_os_str() != "-"), text) {
-            std::fs::write(path, text).map_err(|error| unwritable(path, &error))?;
+    for (path, text) in [(&asked.report, &done.page), (&asked.json, &json_text(&done.wire)?)] {
+        if let Some(path) = path {
+            write(path, text)?;
         }
     }
-    if asked.json.as_ref().is_some_and(|path| path.as_os_str() == "-") {
-        return Ok(print_line(&json_text(&done.wire)?)?);
+    if !is_other_printed {
+        print_line(&table::of(&done.wire))?;
     }
-    print_line(&table::of(&done.wire))?;
-    if let Some(path) = &asked.report {
-        note(&format!("The report: {}", path.display()));
-    }
+    asked.note_report();
     Ok(())
 }
 
@@ -177,13 +176,17 @@ fn computed(
 /// A file of rows.
 struct Cases<'a> {
     path: &'a Path,
-    file: BufWriter<File>,
+    file: BufWriter<Box<dyn Write>>,
     is_csv: bool,
 }
 
 impl<'a> Cases<'a> {
     fn create(path: &'a Path, study: &Study) -> Result<Self, Fault> {
-        let file = File::create(path).map_err(|error| unwritable(path, &error))?;
+        let file: Box<dyn Write> = if is_printed(path) {
+            Box::new(std::io::stdout())
+        } else {
+            Box::new(File::create(path).map_err(|error| unwritable(path, &error))?)
+        };
         let is_csv = path.extension().is_none_or(|ending| ending != "json" && ending != "jsonl");
         let mut cases = Self { path, file: BufWriter::new(file), is_csv };
         if is_csv {

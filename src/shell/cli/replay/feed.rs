@@ -10,6 +10,7 @@ use super::{PICTURES_PER_SECOND, Posted, Replay};
 use crate::frame::{Frame, Limits};
 use crate::scene::encode;
 use crate::shell::cli::inputs::{frames_of, unreadable_source};
+use crate::shell::cli::moving::tell_oddities;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::{Grabber, Options, Source};
 use crate::shell::wire::frame::OrientationHandling;
@@ -117,12 +118,12 @@ impl Feed {
     fn video(&self, source: &Source, shots: &Sender<Fed>) -> bool {
         let name = source.to_string();
         let failed = |fault: Fault| Err((name.clone(), fault));
-        let grabber = match Grabber::open(source, &self.options) {
+        let mut grabber = match Grabber::open(source, &self.options) {
             Ok(grabber) => grabber,
             Err(error) => return shots.blocking_send(failed(error.into())).is_ok(),
         };
         let mut is_first = true;
-        for grabbed in grabber {
+        for grabbed in &mut grabber {
             let fed = grabbed.map_err(Fault::from).and_then(|grabbed| {
                 Ok(Shot {
                     source: name.clone(),
@@ -139,6 +140,7 @@ impl Feed {
                 return false;
             }
         }
+        tell_oddities(source, &grabber);
         true
     }
 

@@ -21,6 +21,8 @@ use crate::shell::wire::from_json;
 pub struct FormParts {
     /// Those that are files, any number of each, with the name that stands for one's own.
     pub files: &'static [(&'static str, Option<&'static str>)],
+    /// Whether files are found by their names, so that no two may have the same.
+    pub by_name: bool,
     /// Whether the part `request` may be left out.
     pub request_is_optional: bool,
 }
@@ -65,7 +67,11 @@ async fn read(form: &mut Multipart, expected: FormParts, intake: &mut Intake, mo
     while let Some(field) = form.next_field().await.map_err(|error| broken(&error))? {
         let name = field.name().unwrap_or_default();
         if let Some((_, own_name)) = expected.files.iter().find(|(part, _)| *part == name) {
-            file(field, *own_name, intake).await?;
+            let name = own_name.or(field.file_name()).map(str::to_owned);
+            if let Some(taken) = name.as_deref().filter(|name| expected.by_name && intake.holds(name)) {
+                return Err(unreadable(format!("two files are called {taken:?}")));
+            }
+            file(field, name, intake).await?;
             continue;
         }
         match name {
@@ -91,8 +97,8 @@ impl FormParts {
     }
 }
 
-async fn file(mut field: Field<'_>, own_name: Option<&str>, intake: &mut Intake) -> Result<(), Fault> {
-    intake.begin(own_name.or(field.file_name())).await?;
+async fn file(mut field: Field<'_>, name: Option<String>, intake: &mut Intake) -> Result<(), Fault> {
+    intake.begin(name.as_deref()).await?;
     while let Some(chunk) = field.chunk().await.map_err(|error| broken(&error))? {
         intake.write(&chunk).await?;
     }

@@ -68,7 +68,14 @@ impl Intake {
         self.files.len()
     }
 
-    /// A file begins.
+    /// Whether a file has come by this name.
+    #[must_use]
+    pub fn holds(&self, name: &str) -> bool {
+        let name = shown(name);
+        self.files.iter().any(|file| file.name == name)
+    }
+
+    /// A file begins. One of a name that has come before gets a number, so that the two can be told apart.
     ///
     /// # Errors
     /// [`FaultKind::TooLarge`] if it is one too many.
@@ -82,6 +89,7 @@ impl Intake {
         }
         let file = File::create(self.uploads.join(file_name(number))).await.map_err(|error| unwritten(&error))?;
         let name = name.map(shown).filter(|name| !name.is_empty()).unwrap_or_else(|| format!("picture-{}", number + 1));
+        let name = distinct(name, |name| self.holds(name));
         self.files.push(JobFile { name, bytes: 0 });
         self.open = Some(Open { file, bytes: 0, seen: Sha256::new() });
         Ok(())
@@ -175,6 +183,16 @@ fn shown(name: &str) -> String {
     last.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect()
 }
 
+/// The name, with a number before its ending if it is taken.
+fn distinct(name: String, is_taken: impl Fn(&str) -> bool) -> String {
+    if !is_taken(&name) {
+        return name;
+    }
+    let (stem, ending) = name.rfind('.').filter(|dot| *dot > 0).map_or((name.as_str(), ""), |dot| name.split_at(dot));
+    let numbered = (2..u32::MAX).map(|number| format!("{stem}-{number}{ending}")).find(|name| !is_taken(name));
+    numbered.unwrap_or_else(|| name.clone())
+}
+
 fn unwritten(error: &std::io::Error) -> Fault {
     Fault::new(FaultKind::Internal, format!("an uploaded file cannot be stored: {error}"))
 }
@@ -190,5 +208,12 @@ mod tests {
         assert_eq!(shown("a\n\u{1b}[31mb.png"), "a[31mb.png");
         assert_eq!(shown(&"x".repeat(1000)).len(), MAX_NAME);
         assert_eq!(shown("folder/"), "");
+    }
+
+    #[test]
+    fn a_name_that_is_taken_gets_a_number() {
+        let taken = ["a.jpg", "a-2.jpg", "b", ".c"];
+        let name = |name: &str| distinct(name.into(), |name| taken.contains(&name));
+        assert_eq!(["d.jpg", "a.jpg", "b", ".c"].map(name), ["d.jpg", "a-3.jpg", "b-2", ".c-2"]);
     }
 }
