@@ -50,6 +50,23 @@ pub struct Centroid {
     pub track_id: Option<u32>,
 }
 
+impl Centroid {
+    /// The same with bounds that hold the pixel that it lies on: of a small blob in noise, what stands out may be beside the middle of the
+    /// marker.
+    fn within_bounds(self) -> Self {
+        let [(x, width), (y, height)] =
+            [(self.pixel.x, self.bounds.x, self.bounds.width), (self.pixel.y, self.bounds.y, self.bounds.height)].map(
+                |(at, start, length)| {
+                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "on the frame")]
+                    let at = at.round().max(0.0) as u32;
+                    let first = start.min(at);
+                    (first, (start + length).max(at.saturating_add(1)) - first)
+                },
+            );
+        Self { bounds: Region { x, y, width, height }, ..self }
+    }
+}
+
 /// What a thing in the sky is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Class {
@@ -197,7 +214,7 @@ impl Detector {
         let Self::Color(options) = self else { return None };
         let seed = Seed { pixel: centroid.pixel, moments: shape.moments, sigma_px: centroid.sigma_px };
         let Located { pixel, sigma_px, area_px } = locate_shaped(frame, &seed, shape, Some(options.hue.direction()))?;
-        spans(centroid.bounds, &pixel).then_some(Centroid { pixel, sigma_px, area_px, ..*centroid })
+        Some(Centroid { pixel, sigma_px, area_px, ..*centroid }.within_bounds())
     }
 }
 
@@ -228,6 +245,7 @@ fn in_frame(region: Region, x: f64, y: f64) -> Pixel {
 }
 
 /// Whether a place lies on the pixels of `bounds`: the first one's middle is at its coordinates.
+#[cfg(test)]
 fn spans(bounds: Region, at: &Pixel) -> bool {
     let within = |at: f64, start: u32, length: u32| {
         let along = at + 0.5 - f64::from(start);

@@ -147,7 +147,9 @@ fn real_pictures_give_what_opencv_makes_of_them_and_less_error() {
     }
     // With a wrong count every picture is named, also those in which something small looks like that.
     let wrong = said(&["calibrate", text(&data), "--pattern", "chessboard:8x6:1"]);
-    let is_named = |line: &&str| line.ends_with(".jpg: a chessboard of 9 x 6 is seen, not of 8 x 6");
+    // In one of them the picture ends so near to the board that it might go on.
+    let is_named =
+        |line: &&str| line.replace("of at least", "of").ends_with(".jpg: a chessboard of 9 x 6 is seen, not of 8 x 6");
     assert_eq!(wrong.err.lines().filter(is_named).count(), 13, "{}", wrong.err);
     let said = said(&["calibrate", text(&data), "--pattern", "chessboard:9x6:1", "--json", "-"]);
     assert_eq!(said.code, Some(0), "{}", said.err);

@@ -382,20 +382,21 @@ fn whatever_the_container_a_video_that_is_cut_off_is_told_from_a_whole_one() {
     need_ffmpeg!();
     let desk = Desk::new();
     let mut tried = 0;
+    let even = "-pix_fmt yuv420p -c:v";
     for (coding, name) in [
-        ("-c:v libx264", "a.ts"),
-        ("-r 25 -c:v mpeg2video", "b.ts"),
-        ("-c:v mjpeg", "c.avi"),
-        ("-c:v mpeg4", "d.avi"),
-        ("-r 25 -c:v mpeg2video", "e.mpg"),
-        ("-c:v libtheora", "f.ogv"),
-        ("-pix_fmt yuv420p", "g.y4m"),
-        ("-c:v mpeg4 -movflags +faststart", "h.mp4"),
-        ("-r 25 -c:v mpeg2video", "i.m2v"),
-        ("-c:v mjpeg", "j.mjpeg"),
-        ("-c:v flv1", "k.flv"),
+        (format!("{even} libx264"), "a.ts"),
+        (format!("{even} mpeg2video"), "b.ts"),
+        ("-pix_fmt yuvj420p -c:v mjpeg".into(), "c.avi"),
+        (format!("{even} mpeg4"), "d.avi"),
+        (format!("{even} mpeg2video"), "e.mpg"),
+        (format!("{even} libtheora"), "f.ogv"),
+        ("-pix_fmt yuv420p".into(), "g.y4m"),
+        (format!("{even} mpeg4 -movflags +faststart"), "h.mp4"),
+        (format!("{even} mpeg2video"), "i.m2v"),
+        ("-pix_fmt yuvj420p -c:v mjpeg".into(), "j.mjpeg"),
+        (format!("{even} flv1"), "k.flv"),
     ] {
-        if !square_video(&desk, 24, coding, name) {
+        if !desk.ffmpeg(&format!("-f lavfi -i testsrc=s=320x240:r=25:d=2 {coding} {name}"), b"") {
             eprintln!("left out: this ffmpeg does not write {coding}");
             continue;
         }
@@ -410,7 +411,7 @@ fn whatever_the_container_a_video_that_is_cut_off_is_told_from_a_whole_one() {
         assert_eq!((said.code, said.err.lines().count()), (Some(2), 1), "{name}: {said:?}");
         assert!(said.err.contains(&cut), "{name}: {said:?}");
         let frames = (desk.list(&format!("of-{name}")).len(), desk.list(&format!("whole-{name}")).len());
-        assert!(frames.0 >= 2 && frames.0 < frames.1, "{name}: {frames:?}");
+        assert!((1..frames.1).contains(&frames.0), "{name}: {frames:?}");
     }
     assert!(tried >= 8, "{tried}");
 }

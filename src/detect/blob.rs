@@ -10,7 +10,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::components::{Components, Connectivity, Run, area, bounds, mean_position};
 use super::locate::{Located, Seed, locate, locate_light};
-use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame, spans};
+use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame};
 use crate::frame::{ChromaSampling, Coding, Frame, Region};
 
 /// What counts as a blob.
@@ -67,13 +67,13 @@ pub(super) fn detect(
         let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
         let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
         if index >= located_count {
-            return rough;
+            return rough.within_bounds();
         }
         let seed = Seed { pixel, moments, sigma_px: centroid.sigma_px };
         let exact = if chroma.is_some() { locate(frame, &seed, chroma) } else { locate_light(frame, &seed) };
-        // Where noise is large a fit may settle beside the blob; then it is of something else.
-        let exact = exact.filter(|located| spans(rough.bounds, &located.pixel));
-        exact.map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
+        exact
+            .map_or(rough, |Located { pixel, sigma_px, area_px }| Centroid { pixel, sigma_px, area_px, ..rough })
+            .within_bounds()
     };
     Detection { centroids: markers.into_iter().enumerate().map(located).collect(), refused }
 }
@@ -279,12 +279,9 @@ impl<'a> Shape<'a> {
         let radius = (self.area / std::f64::consts::PI).sqrt();
         let floor = FLOOR_SIGMA_PX.hypot(SAMPLING_SIGMA_PX / radius);
         let clarity = height / (height + 20.0 + 4.0 * heights.noise);
-        // What is near may draw the mean out of the blob: that of its pixels is always within.
-        let (mean, core) = (origin + moment / sum, Vector2::from(<[f64; 2]>::from(mean_position(self.core))));
-        let (pixel, drawn_px) = if spans(self.bounds, &mean) { (mean, 0.0) } else { (core, (mean - core).norm()) };
         Centroid {
-            pixel,
-            sigma_px: random.hypot(share * floor).hypot(drawn_px),
+            pixel: origin + moment / sum,
+            sigma_px: random.hypot(share * floor),
             area_px: self.area,
             bounds: self.bounds,
             score: clarity * self.fill().clamp(0.0, 1.0),
@@ -313,7 +310,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
-    use crate::detect::{ColorOptions, color};
+    use crate::detect::{ColorOptions, color, spans};
     use crate::frame::Pixels;
     use crate::random;
 
