@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn what_is_seen_beside_something_better_is_less_likely_to_fly() {
         let (plain, cloud) = (track(4.5, 0.0), track(2.5, 0.5));
-        let alone = odds(&[cloud.clone()]);
+        let alone = odds(std::slice::from_ref(&cloud));
         let beside = odds(&[cloud.clone(), plain.clone()]);
         assert!(beside < 0.1 * alone, "{alone} {beside}");
         let mut gone = plain.clone();
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn a_second_aircraft_stays_likely_beside_the_first() {
         let plain = track(4.5, 0.0);
-        let [alone, pair] = [odds(&[plain.clone()]), odds(&[plain.clone(), plain.clone()])];
+        let [alone, pair] = [odds(std::slice::from_ref(&plain)), odds(&[plain.clone(), plain.clone()])];
         assert!(alone > 20.0 && pair > 3.0 && pair < alone, "{alone} {pair}");
     }
 }
