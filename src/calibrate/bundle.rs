@@ -220,6 +220,17 @@ impl Bundle<'_> {
         Some(self.normal(state)?.reduced(0.0)?.0)
     }
 
+    /// What each view tells about the free parameters and how it pulls at them, for residuals of one standard deviation; the poses
+    /// are eliminated.
+    pub fn by_view(&self, state: &State) -> Option<Vec<(ByParameter, Parameters)>> {
+        let alone = |(view, pose): (&&[SeenPoint], &CameraFromBoard)| {
+            let bundle = Bundle { views: &[*view], prior: Parameters::zeros(), ..*self };
+            let state = State { camera: state.camera, parameters: state.parameters, poses: vec![*pose] };
+            bundle.normal(&state)?.reduced(0.0)
+        };
+        self.views.iter().zip(&state.poses).map(alone).collect()
+    }
+
     /// Whether these points leave the pose of their view open: then its equations have no answer, whatever the camera is.
     pub fn leaves_pose_open(&self, camera: &Camera, pose: &CameraFromBoard, view: &[SeenPoint]) -> bool {
         let views = [view];
@@ -227,11 +238,6 @@ impl Bundle<'_> {
         let state = State { camera: *camera, parameters: parameters_of(camera), poses: vec![*pose] };
         let normal = alone.normal(&state);
         !normal.is_some_and(|normal| normal.views.iter().all(|view| view.least_eigenvalue() > OPEN))
-    }
-
-    /// The covariance of all parameters for residuals of one standard deviation; `None` where something is left open.
-    pub fn covariance(&self, state: &State) -> Option<ByParameter> {
-        covariance_of(&self.information(state)?, &self.freedom)
     }
 }
 

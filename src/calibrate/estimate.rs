@@ -8,6 +8,7 @@ mod kept;
 mod left_out;
 mod prior;
 mod robust;
+mod shared;
 mod view;
 
 use nalgebra::Vector2;
@@ -56,7 +57,10 @@ pub struct Calibration {
     /// Standard deviation per axis, px, of what is there besides: a board that is not flat, a lens that no model has. It was added to
     /// every point's own.
     pub model_error_px: f64,
-    /// What is left over in units of both, at least 1: that of the covariance.
+    /// How many times the variances of the parameters are those that as many points with independent errors would leave, on average: 1
+    /// where the errors of a view do not go together. The covariance has it, and each direction its own.
+    pub design_effect: f64,
+    /// What is left over in units of both, at least 1, with the root of the design effect.
     pub(super) scale: f64,
     /// Standard deviations of fx, fy, cx, cy and the coefficients; zero for what is held.
     pub standard_deviations: Vec<f64>,

@@ -49,8 +49,8 @@ pub struct SkyOptions {
 }
 
 impl Default for SkyOptions {
-    /// A caller who wants few false alarms sets a higher score; at one in fifty two or three a frame are left, at one in two one in
-    /// eighteen frames.
+    /// A caller who wants few false alarms sets a higher score; at one in fifty some three a frame are left, at one in two one in
+    /// twenty-three frames.
     fn default() -> Self {
         Self { min_score: 0.02, min_area_px: 1.0, max_centroids: 64 }
     }

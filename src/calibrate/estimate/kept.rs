@@ -3,10 +3,11 @@
 
 use super::prior::prior;
 use super::robust::{Fit, MEDIAN_DISTANCE};
+use super::shared::Shared;
 use super::view::{fitted, pose_alone};
 use super::{CalibrateError, Calibration, LeftOut, MIN_POINTS};
 use crate::calibrate::SeenPoint;
-use crate::calibrate::bundle::{Bundle, Loss, State};
+use crate::calibrate::bundle::{Bundle, Loss, State, covariance_of};
 use crate::calibrate::start::median;
 use crate::geometry::CameraFromBoard;
 
@@ -169,7 +170,9 @@ impl Kept<'_> {
         // Less than the pictures told is no reason to be surer: what neighbouring points have in common, as what a lens hides between
         // its pixels, bends the camera and leaves little over.
         let scale = self.scale.max(1.0);
-        let covariance = bundle.covariance(&self.state).ok_or(CalibrateError::Open)? * scale.powi(2);
+        let Shared { information, design_effect } =
+            Shared::of(&bundle, &self.state, scale).ok_or(CalibrateError::Open)?;
+        let covariance = covariance_of(&information, &self.bundle.freedom).ok_or(CalibrateError::Open)?;
         let size = 4 + self.bundle.lens.coefficients().len();
         let rows: Vec<Vec<f64>> = (0..size).map(|r| (0..size).map(|c| covariance[(r, c)]).collect()).collect();
         let camera = self.state.camera.with_parameter_covariance(&rows)?;
@@ -207,7 +210,8 @@ impl Kept<'_> {
             pixel_sigma_px: (total / freedom).sqrt(),
             noise_ratio: (surprise / freedom).sqrt(),
             model_error_px: self.model_error_px,
-            scale,
+            design_effect,
+            scale: scale * design_effect.sqrt(),
             standard_deviations: (0..size).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect(),
             views,
         })

@@ -69,7 +69,7 @@ fn without_noise_the_camera_is_exact() {
 }
 
 /// Sum of squared errors of the parameters in units of their covariance.
-fn parameter_chi_square(found: &Camera, truth: &Camera) -> f64 {
+pub fn parameter_chi_square(found: &Camera, truth: &Camera) -> f64 {
     let error = super::super::freedom::parameters_of(found) - super::super::freedom::parameters_of(truth);
     let covariance = found.parameter_covariance().expect("measured").matrix();
     let size = 4 + truth.distortion().coefficients().len();

@@ -3,8 +3,9 @@
 //! The weights are those of a logistic regression on 24 labelled clips (Drone-detection-dataset, F. Svanström 2020), one for each cue.
 //! More cues (the track's age, presence and speed) fit those clips better and others worse.
 //! A cue says how things are in the world, and its sign can be checked by thought: what stands out from its clutter and moves against
-//! the scene is more likely to fly, what goes on beyond its outline, has a foot or stands under other things is less likely to. Where
-//! half the frame looks a little like something that flies, nothing of it is much of an argument: that is the [company](compare).
+//! the scene is more likely to fly, what goes on beyond its outline, has a foot or stands under other things is less likely to. Mostly one
+//! thing flies in a frame, so what is seen beside a better one is less likely to: that is the [company](compare). A second aircraft that
+//! is as plain as the first loses some of its odds by it and stays far above one half.
 
 use super::track::Track;
 
@@ -13,28 +14,28 @@ pub const CUES: usize = 12;
 
 /// Weights in the order of [`features`]: of a track by itself, and of one whose company is known.
 const WEIGHTS: [[f64; 2]; CUES] = [
-    [1.24, 1.22],   // contrast over clutter
-    [0.55, 0.63],   // moves against the scene
-    [-0.68, -0.88], // size
-    [-0.46, -0.52], // goes on around
-    [-1.81, -1.90], // restless around
-    [-0.58, -0.49], // upright
-    [-1.68, -1.77], // under other things
-    [-2.59, -2.72], // part of something
-    [-1.88, -1.76], // has a foot
-    [0.73, 0.72],   // has come a way of its own
-    [0.62, 0.46],   // quieter on one side
-    [-2.00, -2.00], // cut by the border
+    [1.27, 0.93],   // contrast over clutter
+    [0.52, 0.71],   // moves against the scene
+    [-0.57, -0.94], // size
+    [-0.23, -0.46], // goes on around
+    [-1.06, -0.12], // restless around
+    [-0.28, -0.15], // upright
+    [-1.73, -2.40], // under other things
+    [-2.32, -2.02], // part of something
+    [-1.17, -1.04], // has a foot
+    [0.72, 0.73],   // has come a way of its own
+    [0.31, -0.03],  // quieter on one side
+    [-4.47, -3.03], // cut by the border
 ];
 
 /// What is added to both.
-const CONSTANTS: [f64; 2] = [-2.75, 0.24];
+const CONSTANTS: [f64; 2] = [-3.17, -0.93];
 
 /// Weight of the company.
-const COMPANY: f64 = -1.67;
+const COMPANY: f64 = -0.50;
 
-/// Evidence of which more is no more company: a second aircraft is no argument against the first, a dozen of ragged clouds is one.
-const MOST_EVIDENCE: f64 = -2.0;
+/// Evidence of which more, or less, is no other company.
+const EVIDENCE: [f64; 2] = [-4.0, 6.0];
 
 /// What is weighed of a track by itself.
 #[must_use]
@@ -64,14 +65,22 @@ fn evidence(track: &Track) -> [f64; 2] {
         .fold(CONSTANTS, |[alone, known], (feature, [a, k])| [alone + feature * a, known + feature * k])
 }
 
-/// Tells each track of the company it has in its frame: of how many others, in doubt or not, something speaks for them.
+/// Tells each track of the company it has in its frame: what speaks for the other that most speaks for.
 pub fn compare(tracks: &mut [Track]) {
-    let weight = |track: &Track| {
-        if track.misses > 0 { 0.0 } else { (evidence(track)[0].min(MOST_EVIDENCE) - MOST_EVIDENCE).exp() }
-    };
-    let all: f64 = tracks.iter().map(weight).sum();
+    let [least, most] = EVIDENCE;
+    // The greatest and the one after it: of one that is the greatest itself, that is the company.
+    let mut greatest = [least; 2];
+    for track in tracks.iter().filter(|track| track.misses == 0) {
+        let evidence = evidence(track)[0];
+        if evidence > greatest[0] {
+            greatest = [evidence, greatest[0]];
+        } else {
+            greatest[1] = greatest[1].max(evidence);
+        }
+    }
     for track in tracks {
-        track.company = (all - weight(track)).max(0.0).ln_1p();
+        let is_greatest = track.misses == 0 && evidence(track)[0] >= greatest[0];
+        track.company = greatest[usize::from(is_greatest)].min(most);
     }
 }
 
@@ -92,29 +101,37 @@ mod tests {
         Track::start(1, Candidate { cues, area_px: 20.0, ..Candidate::default() })
     }
 
+    fn odds(tracks: &[Track]) -> f64 {
+        let mut tracks = tracks.to_vec();
+        compare(&mut tracks);
+        let p = probability(&tracks[0]);
+        p / (1.0 - p)
+    }
+
     #[test]
-    fn a_second_aircraft_speaks_little_against_the_first_and_ragged_clouds_much() {
-        let score = |others: &[Track]| {
-            let mut tracks = vec![track(3.5, 0.0)];
-            tracks.extend_from_slice(others);
-            compare(&mut tracks);
-            probability(&tracks[0])
-        };
-        let clouds: Vec<Track> = (0..30).map(|_| track(2.5, 1.0)).collect();
-        let alone = score(&[]);
-        assert!(alone > 0.95, "{alone}");
-        let odds = |p: f64| p / (1.0 - p);
-        let pair = score(&[track(3.5, 0.0)]);
-        assert!(odds(pair) > 0.25 * odds(alone), "{alone} {pair}");
-        let crowd = score(&clouds);
-        assert!(odds(crowd) < 0.1 * odds(alone), "{alone} {crowd}");
-        // Among clouds a second aircraft matters less still.
-        let both = [clouds.as_slice(), &[track(3.5, 0.0)]].concat();
-        assert!(odds(score(&both)) > 0.7 * odds(crowd), "{crowd} {}", score(&both));
-        let mut gone = clouds;
-        for track in &mut gone {
-            track.misses = 1;
-        }
-        assert!((score(&gone) - alone).abs() < 1e-12, "what is not seen in the frame is no company");
+    fn what_is_seen_beside_something_better_is_less_likely_to_fly() {
+        let (plain, cloud) = (track(4.5, 0.0), track(2.5, 0.5));
+        let alone = odds(std::slice::from_ref(&cloud));
+        let beside = odds(&[cloud.clone(), plain.clone()]);
+        assert!(beside < 0.1 * alone, "{alone} {beside}");
+        let mut gone = plain.clone();
+        gone.misses = 1;
+        assert!(
+            (odds(&[cloud.clone(), gone]) - alone).abs() < 1e-9 * alone,
+            "what is not seen in the frame is no company"
+        );
+        // Of many only the best counts, wherever it stands among them.
+        let many = [vec![cloud.clone(); 5], vec![plain.clone()], vec![cloud.clone(); 5]].concat();
+        assert!((odds(&many) - beside).abs() < 1e-9 * beside);
+        // Clouds are little of an argument against it.
+        let crowd = [vec![plain.clone()], vec![cloud; 30]].concat();
+        assert!(odds(&crowd) > 0.1 * odds(&[plain]), "{}", odds(&crowd));
+    }
+
+    #[test]
+    fn a_second_aircraft_stays_likely_beside_the_first() {
+        let plain = track(4.5, 0.0);
+        let [alone, pair] = [odds(std::slice::from_ref(&plain)), odds(&[plain.clone(), plain.clone()])];
+        assert!(alone > 20.0 && pair > 3.0 && pair < alone, "{alone} {pair}");
     }
 }

@@ -39,7 +39,7 @@ pub struct Track {
     pub anchor: [f64; 2],
     /// Mean square of late relative changes of its area: what flaps its wings flickers.
     pub flicker: f64,
-    /// How much else of its frame looks like something that flies: [`score::compare`](super::score::compare).
+    /// What speaks for the best other thing in its frame: [`score::compare`](super::score::compare).
     pub company: f64,
     /// How far the camera has moved lately, px: over it, the scene's own place is known the worse.
     pub camera_path: f64,

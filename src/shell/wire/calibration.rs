@@ -152,6 +152,9 @@ pub struct CalibrationWire {
     pub noise_ratio: f64,
     /// Standard deviation per axis of what there is besides: a board that is not flat, a lens that the model does not have.
     pub model_error_px: f64,
+    /// How many times the variances of the parameters are those that as many points with independent errors would leave, on average:
+    /// 1 where the errors within a picture do not go together. The covariance has it already.
+    pub design_effect: f64,
     /// Standard deviations by name: fx, fy, cx, cy and the coefficients; zero for what is held.
     pub standard_deviations: BTreeMap<String, f64>,
     /// The pictures in their order.

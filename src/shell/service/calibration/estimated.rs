@@ -123,6 +123,7 @@ fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> Cali
         pixel_sigma_px: found.pixel_sigma_px,
         noise_ratio: found.noise_ratio,
         model_error_px: found.model_error_px,
+        design_effect: found.design_effect,
         standard_deviations,
         views,
         coverage: CoverageWire {
@@ -154,8 +155,16 @@ const MUCH_NOISE: f64 = 3.0;
 fn advice(found: &Calibration, report: &Report, drop: &[String]) -> Vec<String> {
     let mut advice: Vec<String> = report.weaknesses.iter().map(ToString::to_string).collect();
     if found.noise_ratio > MUCH_NOISE {
+        let widened = if found.design_effect > 1.0 {
+            format!(
+                "within a picture they go together, so that deviations are {:.1} times those of independent errors",
+                found.design_effect.sqrt()
+            )
+        } else {
+            "within a picture they do not go together".into()
+        };
         advice.push(format!(
-            "errors are {:.1} times what the noise of the pictures explains, as of a board that is not flat or not true: within a picture such errors go together, and the camera may be off by several of its deviations",
+            "errors are {:.1} times what the noise of the pictures explains, as of a board that is not flat or not true: {widened}; what all pictures have in common is not in them",
             found.noise_ratio
         ));
     }

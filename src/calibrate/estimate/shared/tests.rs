@@ -1,0 +1,58 @@
+//! Sets whose errors go together within a view, with known truth.
+
+use rand::RngExt;
+
+use crate::calibrate::SeenPoint;
+use crate::calibrate::estimate::calibrate;
+use crate::calibrate::estimate::tests::{SIZE, chessboard, lenses, options, parameter_chi_square, truth, views};
+use crate::random::{case, normal2};
+use crate::scene::boards::pose_in_view;
+
+#[test]
+fn a_board_that_bends_anew_for_each_view_widens_the_deviations_by_as_much() {
+    let (board, lens) = (chessboard(), lenses()[1]);
+    let camera = truth(lens);
+    let size = (4 + lens.coefficients().len()) as f64;
+    let sets = 40;
+    let (mut chi_square, mut independent) = (0.0, 0.0);
+    for set in 0..sets {
+        let mut rng = case("bent boards", set);
+        let views: Vec<Vec<SeenPoint>> = (0..14)
+            .map(|_| {
+                let pose = pose_in_view(&camera, &board, &mut rng);
+                // By a millimetre or two at the rim, as a cylinder of any direction.
+                let (turn, bend) = (rng.random_range(0.0..std::f64::consts::PI), rng.random_range(-0.1..0.1));
+                let seen = board.points().iter().enumerate().map(|(point, place)| {
+                    let across = (place.coords.x - 0.1) * turn.cos() + (place.coords.y - 0.06) * turn.sin();
+                    let mut bent = *place;
+                    bent.coords.z += bend * across * across;
+                    let exact = camera.project(&(pose * bent)).expect("in view");
+                    SeenPoint { point, pixel: exact + normal2(&mut rng) * 0.03, sigma_px: 0.03 }
+                });
+                seen.collect()
+            })
+            .collect();
+        let found = calibrate(SIZE, &board, &views, &options(lens)).expect("a camera");
+        let square = parameter_chi_square(&found.camera, &camera) / size / sets as f64;
+        chi_square += square;
+        independent += square * found.design_effect;
+    }
+    // As if errors were independent, these are off by a multiple.
+    assert!(independent > 2.5, "{independent}");
+    assert!((0.7..1.3).contains(&chi_square), "{chi_square}");
+}
+
+#[test]
+fn independent_errors_are_taken_for_what_they_are() {
+    let board = chessboard();
+    for lens in lenses().into_iter().take(2) {
+        let camera = truth(lens);
+        let taken = (0..50).filter(|set| {
+            let mut rng = case("independent errors", *set);
+            let views = views(&camera, &board, 9, 0.2, &mut rng);
+            calibrate(SIZE, &board, &views, &options(lens)).expect("a camera").design_effect > 1.0
+        });
+        let taken = taken.count();
+        assert!(taken <= 2, "{}: {taken} of 50", lens.name());
+    }
+}
