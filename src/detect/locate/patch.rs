@@ -274,7 +274,7 @@ impl Patch {
     /// Opposite sides may agree by chance, the less so the worse the rim as a whole fits; this part of its misfit's variance counts at
     /// least. Coding's waves are wider than a marker, and what they do to both of its sides alike is not all that they do.
     pub(super) fn least_unevenness(&self) -> f64 {
-        if self.steps[0] > 0.0 { 0.6 } else { 0.25 }
+        if self.steps[0] > 0.0 { 0.64 } else { 0.25 }
     }
 
     /// What coding takes of a small disc, px: waves that are lower than half a step are dropped, and they are what it is drawn by.
