@@ -39,7 +39,8 @@ fn a_board_that_bends_anew_for_each_view_widens_the_deviations_by_as_much() {
     }
     // As if errors were independent, these are off by a multiple.
     assert!(independent > 2.5, "{independent}");
-    assert!((0.7..1.3).contains(&chi_square), "{chi_square}");
+    // Fourteen views tell their covariance only roughly, and squares in units of it have a long tail.
+    assert!((0.6..1.6).contains(&chi_square), "{chi_square}");
 }
 
 #[test]
