@@ -41,6 +41,30 @@ pub fn views(camera: &Camera, board: &Board, count: usize, sigma_px: f64, rng: &
         .collect()
 }
 
+/// The same of a board that is held anew for each view and bends then, by a millimetre or two at its rim, as a cylinder of any direction.
+pub fn views_of_a_bent_board(
+    camera: &Camera,
+    board: &Board,
+    count: usize,
+    sigma_px: f64,
+    rng: &mut impl Rng,
+) -> Vec<Vec<SeenPoint>> {
+    (0..count)
+        .map(|_| {
+            let pose = pose_in_view(camera, board, rng);
+            let (turn, bend) = (rng.random_range(0.0..std::f64::consts::PI), rng.random_range(-0.1..0.1));
+            let seen = board.points().iter().enumerate().map(|(point, place)| {
+                let across = (place.coords.x - 0.1) * turn.cos() + (place.coords.y - 0.06) * turn.sin();
+                let mut bent = *place;
+                bent.coords.z += bend * across * across;
+                let exact = camera.project(&(pose * bent)).expect("in view");
+                SeenPoint { point, pixel: exact + normal2(rng) * sigma_px, sigma_px }
+            });
+            seen.collect()
+        })
+        .collect()
+}
+
 pub fn chessboard() -> Board {
     "chessboard:9x6:0.025".parse().expect("a board")
 }

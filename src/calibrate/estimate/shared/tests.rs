@@ -1,12 +1,10 @@
 //! Sets whose errors go together within a view, with known truth.
 
-use rand::RngExt;
-
-use crate::calibrate::SeenPoint;
 use crate::calibrate::estimate::calibrate;
-use crate::calibrate::estimate::tests::{SIZE, chessboard, lenses, options, parameter_chi_square, truth, views};
-use crate::random::{case, normal2};
-use crate::scene::boards::pose_in_view;
+use crate::calibrate::estimate::tests::{
+    SIZE, chessboard, lenses, options, parameter_chi_square, truth, views, views_of_a_bent_board,
+};
+use crate::random::case;
 
 #[test]
 fn a_board_that_bends_anew_for_each_view_widens_the_deviations_by_as_much() {
@@ -16,22 +14,7 @@ fn a_board_that_bends_anew_for_each_view_widens_the_deviations_by_as_much() {
     let sets = 40;
     let (mut chi_square, mut independent) = (0.0, 0.0);
     for set in 0..sets {
-        let mut rng = case("bent boards", set);
-        let views: Vec<Vec<SeenPoint>> = (0..14)
-            .map(|_| {
-                let pose = pose_in_view(&camera, &board, &mut rng);
-                // By a millimetre or two at the rim, as a cylinder of any direction.
-                let (turn, bend) = (rng.random_range(0.0..std::f64::consts::PI), rng.random_range(-0.1..0.1));
-                let seen = board.points().iter().enumerate().map(|(point, place)| {
-                    let across = (place.coords.x - 0.1) * turn.cos() + (place.coords.y - 0.06) * turn.sin();
-                    let mut bent = *place;
-                    bent.coords.z += bend * across * across;
-                    let exact = camera.project(&(pose * bent)).expect("in view");
-                    SeenPoint { point, pixel: exact + normal2(&mut rng) * 0.03, sigma_px: 0.03 }
-                });
-                seen.collect()
-            })
-            .collect();
+        let views = views_of_a_bent_board(&camera, &board, 14, 0.03, &mut case("bent boards", set));
         let found = calibrate(SIZE, &board, &views, &options(lens)).expect("a camera");
         let square = parameter_chi_square(&found.camera, &camera) / size / sets as f64;
         chi_square += square;
