@@ -8,6 +8,7 @@
 mod ellipse;
 mod fit;
 mod foreign;
+mod ground;
 mod lanes;
 mod light;
 mod mixture;

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector2;
 
-use super::patch::middle;
+use super::ground::middle;
 use super::{Located, Seed};
 use crate::detect::components::{Components, Connectivity, Run, area, bounds};
 use crate::detect::luma;

@@ -1,15 +1,17 @@
 //! `skypose detect` and `skypose estimate`.
 
+mod job;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::inputs::{bytes_of, frames_of, given, given_camera, unreadable_source};
+use self::job::jobs;
+use super::inputs::{given, given_camera, unreadable_source};
 use super::moving::{self, MovingArgs};
 use super::pictures::Pictures;
-use super::requests::Requests;
 use super::{Failures, SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
 use crate::detect::{Persistence, PersistenceOptions, Watch};
@@ -22,7 +24,7 @@ use crate::shell::store::Store;
 use crate::shell::wire::detector::{DetectorWire, GrayName, Method, Preset};
 use crate::shell::wire::frame::OrientationHandling;
 use crate::shell::wire::pose::SolverName;
-use crate::shell::wire::{FrameRequest, Problem, TargetWire, from_value};
+use crate::shell::wire::{FrameRequest, Problem, TargetWire};
 
 /// What both commands take.
 #[derive(Args, Debug)]
@@ -186,64 +188,6 @@ impl Frames {
             ..FrameRequest::default()
         }
     }
-
-    /// The frames with what is asked of each.
-    fn jobs(&self, request: &FrameRequest) -> Result<Vec<Job>, Fault> {
-        let Some(file) = &self.requests else {
-            let job = |path: PathBuf| {
-                let is_video = Source::is_video(&path);
-                Job { path, is_video, line: None, id: None, request: Ok(request.clone()) }
-            };
-            return Ok(frames_of(&self.inputs)?.into_iter().map(job).collect());
-        };
-        let unusable = |error: std::io::Error| Fault::new(FaultKind::Unreadable, error.to_string());
-        let is_input = file.as_os_str() == "-";
-        let name = if is_input { "standard input".into() } else { file.display().to_string() };
-        let text = if is_input {
-            let mut text = Vec::new();
-            std::io::Read::read_to_end(&mut std::io::stdin().lock(), &mut text).map_err(unusable)?;
-            text
-        } else {
-            bytes_of(file)?
-        };
-        let folder = file.parent().unwrap_or(Path::new(""));
-        let jobs = Requests::of(text.as_slice()).map(|read| {
-            let (number, request) = read.map_err(unusable)?;
-            Ok(Job::of(request, folder, format!("{name}:{number}")))
-        });
-        jobs.collect()
-    }
-}
-
-/// One frame and what is asked of it.
-struct Job {
-    path: PathBuf,
-    /// Not one frame but all that it shows.
-    is_video: bool,
-    /// Where the request stands, if in a file.
-    line: Option<String>,
-    id: Option<Value>,
-    request: Result<FrameRequest, Fault>,
-}
-
-impl Job {
-    /// A relative path counts from here, or else from the folder of the file.
-    fn of(request: Result<Value, Fault>, folder: &Path, line: String) -> Self {
-        let mut path = PathBuf::new();
-        let id = request.as_ref().ok().and_then(|request| request.get("id").cloned());
-        let request = request.and_then(|mut request| {
-            let frame = request.as_object_mut().and_then(|object| object.remove("frame"));
-            let Some(Value::String(frame)) = frame else {
-                return Err(Fault::senseless("/frame", "a request in a file names its frame: \"frame\": \"path\""));
-            };
-            path = PathBuf::from(frame);
-            if path.is_relative() && !path.exists() {
-                path = folder.join(&path);
-            }
-            from_value(request)
-        });
-        Self { path, is_video: false, line: Some(line), id, request }
-    }
 }
 
 #[derive(Clone, Copy)]
@@ -309,7 +253,7 @@ fn run(
         None => None,
     };
     let lookup = Lookup::new(store.as_ref(), std::sync::Arc::default());
-    let jobs = frames.jobs(request)?;
+    let jobs = jobs(&frames.inputs, frames.requests.as_deref(), request)?;
     let sources: Vec<&Path> = jobs.iter().map(|job| job.path.as_path()).collect();
     let has_videos = jobs.iter().any(|job| job.is_video);
     if persistence.is_some() && !frames.sequence && !has_videos {
