@@ -4,6 +4,7 @@
 //! in the dark: [`beacon`]; and two to find a thing without markers: [`edge`], the seed's, and [`sky`], the default. The steps
 //! they share are rooms of their own.
 
+mod bands;
 pub mod beacon;
 pub mod blob;
 pub mod color;

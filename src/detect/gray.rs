@@ -1,5 +1,6 @@
 //! Colour to gray, the three ways of the seed's section 3.1.1, rounded to the nearest of 256 levels (halves up).
 
+use super::bands::{PIXELS, bands, each_block};
 use crate::frame::color::ycbcr_to_rgb;
 use crate::frame::{Frame, Pixels, Region};
 
@@ -91,23 +92,15 @@ fn gray_row(row: &[u8], how: Gray, out: &mut [u8]) {
     }
 }
 
-/// Bands are taken apart 32 pixels at a time, which compiles to shuffles of whole registers; the rest one by one.
 #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
 #[inline(always)]
 fn each(row: &[u8], out: &mut [u8], of: impl Fn([u8; 3]) -> u8) {
-    let (blocks, rest) = row.as_chunks::<96>();
-    let (out_blocks, out_rest) = out.as_chunks_mut::<32>();
-    for (block, out) in blocks.iter().zip(out_blocks) {
-        let red: [u8; 32] = std::array::from_fn(|i| block[3 * i]);
-        let green: [u8; 32] = std::array::from_fn(|i| block[3 * i + 1]);
-        let blue: [u8; 32] = std::array::from_fn(|i| block[3 * i + 2]);
-        for i in 0..32 {
+    each_block(row, out, |block, out| {
+        let [red, green, blue] = bands(block);
+        for i in 0..PIXELS {
             out[i] = of([red[i], green[i], blue[i]]);
         }
-    }
-    for (pixel, out) in rest.as_chunks::<3>().0.iter().zip(out_rest) {
-        *out = of(*pixel);
-    }
+    });
 }
 
 /// As if the sample stood in all three bands; only the weights that do not sum to one tell.
@@ -138,7 +131,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn gray_is_the_rounded_formula(pixels in proptest::collection::vec(any::<[u8; 3]>(), 1..100)) {
+        fn gray_is_the_rounded_formula(pixels in proptest::collection::vec(any::<[u8; 3]>(), 1..600)) {
             let width = u32::try_from(pixels.len()).expect("a row");
             let rgb = Frame::checked(width, 1, Pixels::Rgb(pixels.concat()), Coding::LOSSLESS).expect("a frame");
             let luma = Frame::checked(width, 1, Pixels::Luma(pixels.iter().map(|p| p[0]).collect()), Coding::LOSSLESS)

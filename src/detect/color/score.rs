@@ -3,6 +3,7 @@
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
 use super::HueRange;
+use crate::detect::bands::{PIXELS, SAMPLES, bands, each_block};
 use crate::frame::{Frame, Pixels, Region};
 
 /// Scores of the region's pixels, 0 to 255, rows without padding; `None` for a frame without colour.
@@ -30,30 +31,20 @@ pub(super) fn score(frame: &Frame, region: Region, hue: &HueRange) -> Option<Vec
     Some(scores)
 }
 
-/// Pixels at a time.
-const LANES: usize = 32;
-
 /// The scores of a row of zeros. Compiled for wider registers too, and chosen when the program runs.
 ///
-/// Bands are taken apart a block of pixels at a time, which compiles to shuffles of whole registers; the rest is a block that
-/// is filled up. Most of a sky scores nothing: there nothing is written, and memory that was never touched stays so.
+/// Most of a sky scores nothing: there nothing is written, and memory that was never touched stays so.
 #[multiversion::multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512vl+avx512vbmi",
     "x86_64+avx2",
     "x86_64+sse4.1+ssse3"
 ))]
 fn score_row(samples: &[u8], scoring: Scoring, gate: Option<&Gate>, scores: &mut [u8]) {
-    let (blocks, rest) = samples.as_chunks::<{ 3 * LANES }>();
-    let (out_blocks, out_rest) = scores.as_chunks_mut::<LANES>();
-    for (block, out) in blocks.iter().zip(out_blocks) {
+    each_block(samples, scores, |block, out| {
         if gate.is_none_or(|gate| gate.lets_through(block)) {
             scoring.write(block, out);
         }
-    }
-    let (mut block, mut out) = ([0; 3 * LANES], [0; LANES]);
-    block[..rest.len()].copy_from_slice(rest);
-    scoring.write(&block, &mut out);
-    out_rest.copy_from_slice(&out[..out_rest.len()]);
+    });
 }
 
 /// `weights . samples + offset`.
@@ -75,9 +66,9 @@ fn of_rgb(edge: Vector2<f64>) -> Form {
 /// one band. That is told without taking bands apart, and most of a sky has none.
 struct Gate {
     /// Turns samples that are to be low into such that are to be high.
-    flip: [u8; 3 * LANES],
+    flip: [u8; SAMPLES],
     /// Samples are to be above this; those of other bands never are.
-    limit: [u8; 3 * LANES],
+    limit: [u8; SAMPLES],
 }
 
 impl Gate {
@@ -102,7 +93,7 @@ impl Gate {
 
     #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
-    fn lets_through(&self, block: &[u8; 3 * LANES]) -> bool {
+    fn lets_through(&self, block: &[u8; SAMPLES]) -> bool {
         let mut beyond = 0;
         for ((sample, flip), limit) in block.iter().zip(&self.flip).zip(&self.limit) {
             beyond |= (sample ^ flip).saturating_sub(*limit);
@@ -151,29 +142,18 @@ impl Scoring {
 
     #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
-    fn write(self, block: &[u8; 3 * LANES], out: &mut [u8; LANES]) {
+    fn write(self, block: &[u8; SAMPLES], out: &mut [u8; PIXELS]) {
+        let [first, second, third] = bands(block);
         let [a, b] = self.forms;
-        let (second, third) = (band::<1>(block), band::<2>(block));
-        let (mut of_a, mut of_b) = ([0_i16; LANES], [0_i16; LANES]);
-        for i in 0..LANES {
-            of_a[i] =
-                a.offset.saturating_add(high(second[i], a.weights[1])).saturating_add(high(third[i], a.weights[2]));
-            of_b[i] =
-                b.offset.saturating_add(high(second[i], b.weights[1])).saturating_add(high(third[i], b.weights[2]));
-        }
-        // In YCbCr the first band, luma, does not count.
-        if a.weights[0] != 0 || b.weights[0] != 0 {
-            let first = band::<0>(block);
-            for i in 0..LANES {
-                of_a[i] = of_a[i].saturating_add(high(first[i], a.weights[0]));
-                of_b[i] = of_b[i].saturating_add(high(first[i], b.weights[0]));
-            }
-        }
-        let mut scores = [0; LANES];
-        let mut any = 0;
-        for i in 0..LANES {
+        let (mut scores, mut any) = ([0; PIXELS], 0);
+        for i in 0..PIXELS {
+            let [first, second, third] = [first[i], second[i], third[i]].map(centred);
+            let of = |form: Fixed| {
+                let sum = form.offset.saturating_add(high(second, form.weights[1]));
+                sum.saturating_add(high(third, form.weights[2])).saturating_add(high(first, form.weights[0]))
+            };
             #[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
-            let score = (of_a[i].min(of_b[i]) >> self.bits).clamp(0, 255) as u8;
+            let score = (of(a).min(of(b)) >> self.bits).clamp(0, 255) as u8;
             scores[i] = score;
             any |= score;
         }
@@ -183,16 +163,11 @@ impl Scoring {
     }
 }
 
-/// Samples of a band less 128 and times 256.
+/// A sample less 128 and times 256.
 #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
 #[inline(always)]
-fn band<const FIRST: usize>(block: &[u8; 3 * LANES]) -> [i16; LANES] {
-    let samples: [u8; LANES] = std::array::from_fn(|i| block[3 * i + FIRST]);
-    let mut band = [0; LANES];
-    for i in 0..LANES {
-        band[i] = ((u16::from(samples[i]) << 8) ^ 0x8000).cast_signed();
-    }
-    band
+fn centred(sample: u8) -> i16 {
+    ((u16::from(sample) << 8) ^ 0x8000).cast_signed()
 }
 
 /// The upper half of a product.
@@ -254,7 +229,7 @@ mod tests {
 
         #[test]
         fn blocks_of_pixels_score_as_one_pixel_does(
-            pixels in proptest::collection::vec(any::<[u8; 3]>(), 1..100), centre_deg in 0.0..360.0, half_width_deg in 1.0..60.0,
+            pixels in proptest::collection::vec(any::<[u8; 3]>(), 1..600), centre_deg in 0.0..360.0, half_width_deg in 1.0..60.0,
             is_rgb in any::<bool>(), pale in 0_u32..8
         ) {
             // Pale colours are those that hardly score.
