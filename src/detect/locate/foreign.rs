@@ -19,23 +19,22 @@ pub(super) fn take_out(patch: &mut Patch, looked: &[Looked], noise: f64) {
     let is_seed = |looked: &Looked, lane: usize| {
         looked.share.0[lane] < GROUND && f64::from(looked.residual.0[lane].abs()) > SEED * noise
     };
-    let octets = || patch.luma.octets().iter().zip(looked);
-    let seeds = octets().flat_map(|(octet, looked)| {
-        octet.lanes().filter(move |lane| is_seed(looked, *lane)).map(move |lane| (octet, lane))
+    let side = side(patch);
+    let seeds = patch.luma.octets().zip(looked).flat_map(|(octet, looked)| {
+        octet.lanes().filter(move |lane| is_seed(looked, *lane)).map(move |lane| place(side, octet, lane))
     });
-    let mut seeds = seeds.peekable();
-    if seeds.peek().is_none() {
+    let open: Vec<usize> = seeds.collect();
+    if open.is_empty() {
         for octet in patch.luma.octets_mut() {
             octet.free = octet.there;
         }
         return;
     }
     let mut picture = Picture::of(patch, looked);
-    let open: Vec<usize> = seeds.map(|(octet, lane)| picture.index(octet, lane)).collect();
     picture.grow(open);
     for octet in patch.luma.octets_mut() {
         for lane in octet.lanes() {
-            octet.free.0[lane] = if picture.cells[picture.index(octet, lane)].is_foreign { 0.0 } else { 1.0 };
+            octet.free.0[lane] = if picture.cells[place(side, octet, lane)].is_foreign { 0.0 } else { 1.0 };
         }
     }
 }
@@ -53,24 +52,29 @@ struct Cell {
     is_foreign: bool,
 }
 
+/// Pixels of a row of it.
+const fn side(patch: &Patch) -> usize {
+    2 * patch.reach + 3
+}
+
+/// Where a sample of it stands.
+fn place(side: usize, octet: &Octet, lane: usize) -> usize {
+    let middle = (side / 2) as f32;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "no sample is beyond the reach")]
+    let [column, row] = [octet.x.0[lane], octet.y.0[lane]].map(|at| (at + middle) as usize);
+    row * side + column
+}
+
 impl Picture {
     fn of(patch: &Patch, looked: &[Looked]) -> Self {
-        let side = 2 * patch.reach + 3;
+        let side = side(patch);
         let mut picture = Self { side, cells: vec![Cell::default(); side * side] };
-        for (octet, looked) in patch.luma.octets().iter().zip(looked) {
+        for (octet, looked) in patch.luma.octets().zip(looked) {
             for lane in octet.lanes() {
-                let index = picture.index(octet, lane);
-                picture.cells[index].size = looked.residual.0[lane] / looked.variance.0[lane].sqrt();
+                picture.cells[place(side, octet, lane)].size = looked.residual.0[lane] / looked.variance.0[lane].sqrt();
             }
         }
         picture
-    }
-
-    fn index(&self, octet: &Octet, lane: usize) -> usize {
-        let middle = (self.side / 2) as f32;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "no sample is beyond the reach")]
-        let [column, row] = [octet.x.0[lane], octet.y.0[lane]].map(|at| (at + middle) as usize);
-        row * self.side + column
     }
 
     /// Takes in the cells of `open`, and what is next to them and off in their direction.
@@ -119,16 +123,16 @@ mod tests {
             };
             Looked {
                 residual: lanes(&residual),
-                variance: Lanes::ONE,
+                variance: Lanes([1.0; LANES]),
                 share: lanes(&|x, y| (RADIUS + 0.5 - x.hypot(y)).clamp(0.0, 1.0)),
             }
         };
-        patch.luma.octets().iter().map(of).collect()
+        patch.luma.octets().map(of).collect()
     }
 
     /// The pixels that are out.
     fn out(patch: &Patch) -> Vec<(f32, f32)> {
-        let octets = patch.luma.octets().iter();
+        let octets = patch.luma.octets();
         let out = octets.flat_map(|o| o.lanes().filter(|i| o.free.0[*i] == 0.0).map(|i| (o.x.0[i], o.y.0[i])));
         let mut out: Vec<(f32, f32)> = out.collect();
         out.sort_by(|a, b| a.partial_cmp(b).expect("whole numbers"));

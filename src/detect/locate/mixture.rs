@@ -4,9 +4,9 @@
 //! half of a gray pixel, red, green and blue each are halfway in light, and luma, made of their codes, is not halfway: a disc seems smaller
 //! than it is, and one no darker than its ground has a bright seam.
 
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
 use nalgebra::Vector2;
-
-use super::lanes::Lanes;
 
 /// Of ITU-R BT.601.
 pub(super) const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
@@ -77,18 +77,18 @@ impl Mixture {
     /// What the code at a share is over the straight line, and the slope of that.
     #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
-    pub(super) fn over_line(&self, share: Lanes) -> (Lanes, Lanes) {
-        let mut code = Lanes::all(-self.from) - Lanes::all(self.by) * share;
-        let mut slope = Lanes::all(-self.by);
+    pub(super) fn over_line<S: Simd>(&self, share: f32x8<S>) -> (f32x8<S>, f32x8<S>) {
+        let one = f32x8::splat(share.simd, 1.0);
+        let mut code = share * -self.by - self.from;
+        let mut slope = one * -self.by;
         for i in 0..3 {
-            let weight = Lanes::all(self.weights[i]);
-            let rise = Lanes::all(self.rise[i]);
-            let root = (Lanes::all(self.ground[i]) + rise * share).max(LEAST).sqrt();
+            let (weight, rise) = (self.weights[i], self.rise[i]);
+            let root = (share * rise + self.ground[i]).max(LEAST).sqrt();
             let fourth = root.sqrt();
-            code += weight * (Lanes::all(3.0) * root + fourth);
+            code += (root * 3.0 + fourth) * weight;
             // d root / d light is half of 1 / root, and d fourth / d root half of 1 / fourth, which is fourth / root.
-            let per_root = Lanes::ONE / root;
-            slope += weight * rise * per_root * (Lanes::all(1.5) + Lanes::all(0.25) * fourth * per_root);
+            let per_root = one / root;
+            slope += per_root * (fourth * per_root * 0.25 + 1.5) * (weight * rise);
         }
         (code, slope)
     }
@@ -107,12 +107,21 @@ const fn single(value: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::LANES;
+    use fearless_simd::dispatch;
+
+    use super::super::lanes::{LANES, Lanes, MACHINE};
     use super::*;
 
     const GROUND: Colour = Colour { luma: 140.0, chroma: Vector2::new(8.0, -6.0) };
     const MARKER: Colour = Colour { luma: 90.0, chroma: Vector2::new(-25.0, 80.0) };
-    const SHARES: Lanes = Lanes([0.0, 0.07, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0]);
+    const SHARES: [f32; LANES] = [0.0, 0.07, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0];
+
+    fn over_line(mixture: &Mixture, shares: [f32; LANES]) -> ([f32; LANES], [f32; LANES]) {
+        dispatch!(*MACHINE, simd => {
+            let (code, slope) = mixture.over_line(Lanes(shares).load(simd));
+            (*code, *slope)
+        })
+    }
 
     /// Weights of the channels as the fit has them, and their codes of ground and marker: luma, and chroma along the marker's hue.
     fn channels() -> [([f64; 3], [f64; 2]); 2] {
@@ -124,10 +133,10 @@ mod tests {
     #[test]
     fn codes_of_mixed_light_are_those_of_a_sensor() {
         for (weights, [ground, marker]) in channels() {
-            let (over, _) = Mixture::of(&GROUND, &MARKER, weights).over_line(SHARES);
+            let (over, _) = over_line(&Mixture::of(&GROUND, &MARKER, weights), SHARES);
             let (from, to) = (GROUND.codes(), MARKER.codes());
             for lane in 0..LANES {
-                let share = f64::from(SHARES.0[lane]);
+                let share = f64::from(SHARES[lane]);
                 // Each colour's light by itself, with the exponent of a sensor, not with what is near it.
                 let mixed = |i: usize| {
                     let [a, b] = [from[i], to[i]].map(|code| (code / 255.0_f64).powf(2.3));
@@ -135,7 +144,7 @@ mod tests {
                 };
                 let code: f64 = (0..3).map(|i| weights[i] * mixed(i)).sum();
                 let line = ground + share * (marker - ground);
-                let off = f64::from(over.0[lane]) - (code - line);
+                let off = f64::from(over[lane]) - (code - line);
                 // What it is for is 18 codes high in luma.
                 assert!(off.abs() < 1.0, "{share}: {off} of {}", code - line);
             }
@@ -147,13 +156,13 @@ mod tests {
         const STEP: f32 = 1e-2;
         for (weights, _) in channels() {
             let mixture = Mixture::of(&GROUND, &MARKER, weights);
-            let inner = SHARES.max(STEP).min(1.0 - STEP);
-            let (ahead, _) = mixture.over_line(inner + Lanes::all(STEP));
-            let (behind, _) = mixture.over_line(inner - Lanes::all(STEP));
-            let (_, slope) = mixture.over_line(inner);
+            let inner = SHARES.map(|share| share.clamp(STEP, 1.0 - STEP));
+            let (ahead, _) = over_line(&mixture, inner.map(|share| share + STEP));
+            let (behind, _) = over_line(&mixture, inner.map(|share| share - STEP));
+            let (_, slope) = over_line(&mixture, inner);
             for lane in 0..LANES {
-                let difference = (ahead.0[lane] - behind.0[lane]) / (2.0 * STEP);
-                assert!((slope.0[lane] - difference).abs() < 0.02 * difference.abs().max(10.0), "{lane}: {difference}");
+                let difference = (ahead[lane] - behind[lane]) / (2.0 * STEP);
+                assert!((slope[lane] - difference).abs() < 0.02 * difference.abs().max(10.0), "{lane}: {difference}");
             }
         }
     }
@@ -161,7 +170,7 @@ mod tests {
     #[test]
     fn gray_between_equal_codes_stays_on_the_line() {
         let gray = Colour { luma: 120.0, chroma: Vector2::zeros() };
-        let (over, slope) = Mixture::of(&gray, &gray, LUMA).over_line(SHARES);
-        assert!(over.0.iter().chain(&slope.0).all(|x| x.abs() < 1e-3), "{over:?} {slope:?}");
+        let (over, slope) = over_line(&Mixture::of(&gray, &gray, LUMA), SHARES);
+        assert!(over.iter().chain(&slope).all(|x| x.abs() < 1e-3), "{over:?} {slope:?}");
     }
 }

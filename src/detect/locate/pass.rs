@@ -1,13 +1,20 @@
 //! One look at all pixels with a model: what they say about rim, light, blur and noise.
 
+#![allow(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instructions of the function that calls it"
+)]
+
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f32x8};
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
 use super::Likeness;
 use super::ellipse::{Ellipse, FORM, LOGISTIC};
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, MACHINE, logistic_fall, sum};
 use super::mixture::Mixtures;
-use super::patch::{Channel, Octet, Patch};
-use super::rim::{Rim, SECTORS, Trust};
+use super::patch::{Channel, Patch};
+use super::rim::{GROUPS, Rim, Trust, sectors};
 
 /// How an ellipse is lit: what the pixels' light is within it and around it.
 #[derive(Clone, Copy, Debug)]
@@ -77,97 +84,103 @@ const LEVEL: f32 = 0.075;
 const CHROMA_IN_LUMA: f32 = 1.4;
 
 /// The share of a pixel's light that the ellipse gives, and its derivatives.
-struct Cover {
-    share: Lanes,
+struct Cover<S: Simd> {
+    share: f32x8<S>,
     /// For each pixel that the rim moves outwards.
-    by_rim: Lanes,
-    by_blur: Lanes,
+    by_rim: f32x8<S>,
+    by_blur: f32x8<S>,
 }
 
 /// Position against the ellipse.
-struct Place {
+struct Place<S: Simd> {
     /// Half of the distance from the rim in radii squared.
-    n: Lanes,
-    gradient_squared: Lanes,
-    gradient: Lanes,
-    form: [Lanes; FORM],
+    n: f32x8<S>,
+    gradient_squared: f32x8<S>,
+    gradient: f32x8<S>,
+    form: [f32x8<S>; FORM],
 }
 
-impl Place {
-    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+impl<S: Simd> Place<S> {
     #[inline(always)]
-    fn of(octet: &Octet, ellipse: &Ellipse) -> Self {
+    fn of(x: f32x8<S>, y: f32x8<S>, ellipse: &Ellipse) -> Self {
         let (m11, m12, m22) = (single(ellipse.matrix.m11), single(ellipse.matrix.m12), single(ellipse.matrix.m22));
-        let (m11, m12, m22) = (Lanes::all(m11), Lanes::all(m12), Lanes::all(m22));
-        let qx = octet.x - Lanes::all(single(ellipse.centre.x));
-        let qy = octet.y - Lanes::all(single(ellipse.centre.y));
-        let (gx, gy) = (m11 * qx + m12 * qy, m12 * qx + m22 * qy);
+        let qx = x - single(ellipse.centre.x);
+        let qy = y - single(ellipse.centre.y);
+        let (gx, gy) = (qx * m11 + qy * m12, qx * m12 + qy * m22);
         let squared = (qx * gx + qy * gy).max(1e-6);
         let gradient_squared = (gx * gx + gy * gy).max(1e-12);
         let gradient = gradient_squared.sqrt();
-        let normal = Lanes::ONE / gradient;
+        let normal = f32x8::splat(x.simd, 1.0) / gradient;
         // Scaled to the rim, where the product is one.
-        let half = Lanes::all(0.5) * normal / squared.sqrt();
+        let half = normal * 0.5 / squared.sqrt();
         let (xx, xy, yy) = (qx * qx, qx * qy, qy * qy);
         // A larger matrix is a smaller ellipse.
         let form = [gx * normal, gy * normal, -(xx * half), -(xy * half) - xy * half, -(yy * half)];
-        Self { n: squared - Lanes::ONE, gradient_squared, gradient, form }
+        Self { n: squared - 1.0, gradient_squared, gradient, form }
     }
 
     /// Near the outline of a large ellipse the share falls with the distance as through a Gaussian blur; for one that is
     /// small against the blur it falls nearly as a Gaussian of the blur's width. It is symmetric about the centre, which is
     /// what the position lives on.
-    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
-    fn cover(&self, ellipse: &Ellipse, more: f64) -> Cover {
+    fn cover(&self, ellipse: &Ellipse, more: f64) -> Cover<S> {
         let own = ellipse.ln_blur.exp();
         let blur = own + more;
         let half_trace = 0.5 * ellipse.matrix.trace();
         let width = (LOGISTIC * blur * half_trace).powi(2);
-        let w = Lanes::all(single(blur)) * self.gradient_squared + Lanes::all(single(width));
-        let per_root = Lanes::ONE / w.sqrt();
-        let half = Lanes::all(single(0.5 * LOGISTIC));
-        let z = half * self.n * per_root;
-        let share = z.logistic_fall();
-        let edge = share * (Lanes::ONE - share);
-        let by_rim = edge * (half + half) * self.gradient * per_root;
+        let w = self.gradient_squared * single(blur) + single(width);
+        let per_root = f32x8::splat(w.simd, 1.0) / w.sqrt();
+        let half = single(0.5 * LOGISTIC);
+        let z = self.n * half * per_root;
+        let share = logistic_fall(z);
+        let edge = share - share * share;
+        let by_rim = edge * (2.0 * half) * self.gradient * per_root;
         // Half of dw / d ln blur, over w.
-        let widening = Lanes::all(single(own)) * self.gradient_squared
-            + Lanes::all(single(2.0 * own * LOGISTIC * LOGISTIC * blur * half_trace * half_trace));
-        let by_blur = edge * z * Lanes::all(0.5) * widening * per_root * per_root;
+        let widening = self.gradient_squared * single(own)
+            + single(2.0 * own * LOGISTIC * LOGISTIC * blur * half_trace * half_trace);
+        let by_blur = edge * z * 0.5 * widening * per_root * per_root;
         Cover { share, by_rim, by_blur }
     }
 }
 
 /// What one channel of eight pixels says.
-struct Said {
-    residual: Lanes,
-    weight: Lanes,
+struct Said<S: Simd> {
+    residual: f32x8<S>,
+    weight: f32x8<S>,
     /// Change of the code for each pixel that the rim moves outwards.
-    by_rim: Lanes,
+    by_rim: f32x8<S>,
 }
 
-#[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
 #[inline(always)]
-fn said(residual: Lanes, variance: Lanes, max_deviations: f32, by_rim: Lanes, there: Lanes) -> Said {
-    let excess = residual * residual / (variance * Lanes::all(max_deviations * max_deviations));
-    let inside = Lanes::ONE - excess.min(1.0);
-    Said { residual, weight: there * inside * inside / variance, by_rim }
+fn said<S: Simd>(
+    residual: f32x8<S>,
+    variance: f32x8<S>,
+    max_deviations: f32,
+    by_rim: f32x8<S>,
+    there: f32x8<S>,
+) -> Said<S> {
+    let per_variance = f32x8::splat(variance.simd, 1.0) / variance;
+    let excess = residual * residual * per_variance * (max_deviations * max_deviations).recip();
+    let inside = -(excess.min(1.0) - 1.0);
+    Said { residual, weight: there * inside * inside * per_variance, by_rim }
 }
 
 #[derive(Clone, Copy)]
-struct RimLanes {
-    information: Lanes,
-    pull: Lanes,
-    form: [Lanes; FORM],
+struct RimLanes<S: Simd> {
+    information: f32x8<S>,
+    pull: f32x8<S>,
+    form: [f32x8<S>; FORM],
 }
 
-impl RimLanes {
-    const ZERO: Self = Self { information: Lanes::ZERO, pull: Lanes::ZERO, form: [Lanes::ZERO; FORM] };
-
-    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+impl<S: Simd> RimLanes<S> {
     #[inline(always)]
-    fn add(&mut self, said: &Said, place: &Place) {
+    fn none(simd: S) -> Self {
+        let zero = f32x8::splat(simd, 0.0);
+        Self { information: zero, pull: zero, form: [zero; FORM] }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, said: &Said<S>, place: &Place<S>) {
         let pull = said.weight * said.by_rim;
         let information = pull * said.by_rim;
         self.information += information;
@@ -177,18 +190,34 @@ impl RimLanes {
         }
     }
 
-    fn into(self, rim: &mut Rim, sector: usize) {
-        rim.information[sector] = self.information.sum();
-        rim.pull[sector] = self.pull.sum();
-        for (row, form) in self.form.iter().enumerate() {
-            rim.form[sector][row] = form.sum();
+    #[inline(always)]
+    fn into(self, rim: &mut Rim, group: usize) {
+        for (lane, sector) in sectors(group).into_iter().enumerate() {
+            rim.information[sector] = f64::from(self.information[lane]);
+            rim.pull[sector] = f64::from(self.pull[lane]);
+            for (row, form) in self.form.iter().enumerate() {
+                rim.form[row][sector] = f64::from(form[lane]);
+            }
         }
     }
 }
 
 /// Looks at every sample of `patch`.
-#[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
 pub(super) fn gather(
+    patch: &Patch,
+    model: &Model,
+    likeness: &Likeness,
+    amid_others: bool,
+    trust: &Trust,
+    looked: &mut Vec<Looked>,
+) -> Sums {
+    looked.clear();
+    dispatch!(*MACHINE, simd => gather_by(simd, patch, model, likeness, amid_others, trust, looked))
+}
+
+#[inline(always)]
+fn gather_by<S: Simd>(
+    simd: S,
     patch: &Patch,
     model: &Model,
     likeness: &Likeness,
@@ -200,58 +229,71 @@ pub(super) fn gather(
     let noise_squared = single(noise.luma * noise.luma);
     // An edge of what is small is drawn by few pixels.
     let small = (1.0 + likeness.sectored_area_px / ellipse.area_px()).sqrt();
-    let bent = Lanes::all(bent(likeness.edge_error * small, ellipse.ln_blur, 0.0));
-    let (feet, ridge) = (Lanes::all(likeness.feet), Lanes::all(1.0 - likeness.feet));
-    let [height, ground, right, down] = light.luma.map(single).map(Lanes::all).into();
+    let bent = bent(likeness.edge_error * small, ellipse.ln_blur, 0.0);
+    let [height, ground, right, down] = light.luma.map(single).into();
+    let zero = f32x8::splat(simd, 0.0);
     let mut rim = Rim::default();
-    let mut normal = [Lanes::ZERO; 10];
-    let mut moment = [Lanes::ZERO; 4];
-    let mut cross = [Lanes::ZERO; 4];
-    let (mut blur, mut blur_pull) = (Lanes::ZERO, Lanes::ZERO);
+    let mut normal = [zero; 10];
+    let mut moment = [zero; 4];
+    let mut cross = [zero; 4];
+    let (mut blur, mut blur_pull) = (zero, zero);
     let max_deviations = if amid_others { MAX_DEVIATIONS_AMID_OTHERS } else { MAX_DEVIATIONS };
-    looked.clear();
-    let (mut flat, mut flat_squares) = (Lanes::ZERO, Lanes::ZERO);
-    let chroma_bend = Lanes::all((CHROMA_IN_LUMA * single(light.chroma.x)).powi(2));
-    for sector in 0..SECTORS {
-        let mut here = RimLanes::ZERO;
-        let trusted = Lanes::all(single(trust.of[sector]));
-        for octet in patch.luma.sector(sector) {
-            let place = Place::of(octet, ellipse);
+    let (mut flat, mut flat_squares) = (zero, zero);
+    let chroma_bend = (CHROMA_IN_LUMA * single(light.chroma.x)).powi(2);
+    for group in 0..GROUPS {
+        let mut here = RimLanes::none(simd);
+        let trusted = Lanes(sectors(group).map(|sector| single(trust.of[sector]))).load(simd);
+        for octet in patch.luma.group(group) {
+            let [x, y, value, free] = [&octet.x, &octet.y, &octet.value, &octet.free].map(|lanes| lanes.load(simd));
+            let place = Place::of(x, y, ellipse);
             let cover = place.cover(ellipse, 0.0);
             let (over_line, slope) = mixture.luma.over_line(cover.share);
-            let code = height * cover.share + ground + right * octet.x + down * octet.y + over_line;
-            let rise = height + slope;
-            let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
-            let bend = (edge * ridge + feet) * (rise * rise + chroma_bend).sqrt() * bent;
-            let variance = Lanes::all(noise_squared) + bend * bend;
-            let said = said(octet.value - code, variance, max_deviations, rise * cover.by_rim, octet.free);
+            let code = cover.share * height + ground + x * right + y * down + over_line;
+            let rise = slope + height;
+            let edge = (cover.share - cover.share * cover.share) * 4.0;
+            let bend = (edge * (1.0 - likeness.feet) + likeness.feet) * (rise * rise + chroma_bend).sqrt() * bent;
+            let variance = bend * bend + noise_squared;
+            let said = said(value - code, variance, max_deviations, rise * cover.by_rim, free);
             here.add(&said, &place);
-            let level = octet.free * (Lanes::ONE - edge);
+            let level = free - free * edge;
             flat += level;
             flat_squares += level * (said.residual * said.residual).min(CUT * CUT * noise_squared);
-            looked.push(Looked { residual: said.residual, variance, share: cover.share });
+            looked.push(Looked {
+                residual: Lanes(*said.residual),
+                variance: Lanes(*variance),
+                share: Lanes(*cover.share),
+            });
             let weighted = said.weight * trusted;
-            let by = [cover.share, Lanes::ONE, octet.x, octet.y];
-            let mut index = 0;
-            for row in 0..4 {
-                moment[row] += weighted * by[row] * said.residual;
-                for column in row..4 {
-                    normal[index] += weighted * by[row] * by[column];
-                    index += 1;
-                }
-            }
+            let pulled = weighted * said.residual;
+            let by = [weighted * cover.share, weighted, weighted * x, weighted * y];
+            moment[0] += pulled * cover.share;
+            moment[1] += pulled;
+            moment[2] += pulled * x;
+            moment[3] += pulled * y;
+            // The upper triangle row by row: of the share, of one, of x, of y.
+            normal[0] += by[0] * cover.share;
+            normal[1] += by[0];
+            normal[2] += by[0] * x;
+            normal[3] += by[0] * y;
+            normal[4] += by[1];
+            normal[5] += by[2];
+            normal[6] += by[3];
+            normal[7] += by[2] * x;
+            normal[8] += by[2] * y;
+            normal[9] += by[3] * y;
             let by_move = weighted * said.by_rim;
+            let [by_x, by_y] = [by_move * x, by_move * y];
             for (row, normal) in place.form[..2].iter().enumerate() {
-                cross[2 * row] += by_move * *normal * octet.x;
-                cross[2 * row + 1] += by_move * *normal * octet.y;
+                cross[2 * row] += by_x * *normal;
+                cross[2 * row + 1] += by_y * *normal;
             }
             let by_blur = rise * cover.by_blur;
             blur += weighted * by_blur * by_blur;
-            blur_pull += weighted * by_blur * said.residual;
+            blur_pull += pulled * by_blur;
         }
-        here.into(&mut rim, sector);
+        here.into(&mut rim, group);
     }
-    let n = normal.map(Lanes::sum);
+    let n = normal.map(sum);
     #[rustfmt::skip]
     let normal = Matrix4::new(
         n[0], n[1], n[2], n[3],
@@ -261,9 +303,9 @@ pub(super) fn gather(
     );
     Sums {
         rim,
-        light: (normal, Vector4::from(moment.map(Lanes::sum))),
-        cross: Matrix2::from_row_slice(&cross.map(Lanes::sum)),
-        blur: (blur.sum(), blur_pull.sum()),
+        light: (normal, Vector4::from(moment.map(sum))),
+        cross: Matrix2::from_row_slice(&cross.map(sum)),
+        blur: (sum(blur), sum(blur_pull)),
         noise: if amid_others { level_noise(patch, looked, noise.luma) } else { deviation(flat_squares, flat) },
     }
 }
@@ -277,7 +319,7 @@ const BINS: usize = 128;
 fn level_noise(patch: &Patch, looked: &[Looked], before: f64) -> f64 {
     let mut counts = [0_u32; BINS + 1];
     let scale = FINE / single(before);
-    for (octet, looked) in patch.luma.octets().iter().zip(looked) {
+    for (octet, looked) in patch.luma.octets().zip(looked) {
         for lane in 0..LANES {
             let share = looked.share.0[lane];
             let counts_here = octet.free.0[lane] > 0.0 && share * (1.0 - share) < LEVEL;
@@ -306,45 +348,51 @@ pub(super) struct ChromaSums {
 }
 
 /// Looks at every sample of the patch's chroma.
-#[multiversion::multiversion(targets("x86_64+avx2+fma", "x86_64+sse4.1+ssse3"))]
 pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
+    dispatch!(*MACHINE, simd => gather_chroma_by(simd, patch, chroma, model))
+}
+
+#[inline(always)]
+fn gather_chroma_by<S: Simd>(simd: S, patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
     let Model { ellipse, light, noise, mixture } = model;
     // Shares in chroma are blurred further, and what curves them has as much less height as it is wider.
     let sharp = single((ellipse.ln_blur.exp() / (ellipse.ln_blur.exp() + patch.chroma_blur)).sqrt());
-    let sharp = Lanes::all(sharp);
     let noise_squared = single(noise.chroma * noise.chroma);
     let bent = bent(EDGE_ERROR, ellipse.ln_blur, patch.chroma_blur);
-    let (height, ground) = (Lanes::all(single(light.chroma.x)), Lanes::all(single(light.chroma.y)));
-    let weight = Lanes::all(single(patch.chroma_weight));
+    let (height, ground) = (single(light.chroma.x), single(light.chroma.y));
+    let weight = single(patch.chroma_weight);
     let mut rim = Rim::default();
-    let mut sums = [Lanes::ZERO; 5];
-    let (mut flat, mut flat_squares) = (Lanes::ZERO, Lanes::ZERO);
-    for sector in 0..SECTORS {
-        let mut here = RimLanes::ZERO;
-        for octet in chroma.sector(sector) {
-            let place = Place::of(octet, ellipse);
+    let zero = f32x8::splat(simd, 0.0);
+    let mut sums = [zero; 5];
+    let (mut flat, mut flat_squares) = (zero, zero);
+    for group in 0..GROUPS {
+        let mut here = RimLanes::none(simd);
+        for octet in chroma.group(group) {
+            let [x, y, value, there] = [&octet.x, &octet.y, &octet.value, &octet.there].map(|lanes| lanes.load(simd));
+            let place = Place::of(x, y, ellipse);
             let cover = place.cover(ellipse, patch.chroma_blur);
             let (over_line, slope) = mixture.chroma.over_line(cover.share);
-            let rise = height + sharp * slope;
-            let residual = octet.value - height * cover.share - ground - sharp * over_line;
-            let edge = Lanes::all(4.0) * cover.share * (Lanes::ONE - cover.share);
-            let bend = edge * height * Lanes::all(bent);
-            let variance = Lanes::all(noise_squared) + bend * bend;
-            let mut said = said(residual, variance, MAX_DEVIATIONS_AMID_OTHERS, rise * cover.by_rim, octet.there);
-            said.weight = said.weight * weight;
+            let rise = slope * sharp + height;
+            let residual = value - cover.share * height - ground - over_line * sharp;
+            let edge = (cover.share - cover.share * cover.share) * 4.0;
+            let bend = edge * (height * bent);
+            let variance = bend * bend + noise_squared;
+            let mut said = said(residual, variance, MAX_DEVIATIONS_AMID_OTHERS, rise * cover.by_rim, there);
+            said.weight *= weight;
             here.add(&said, &place);
-            sums[0] += said.weight * cover.share * cover.share;
-            sums[1] += said.weight * cover.share;
+            let by_share = said.weight * cover.share;
+            sums[0] += by_share * cover.share;
+            sums[1] += by_share;
             sums[2] += said.weight;
-            sums[3] += said.weight * cover.share * residual;
+            sums[3] += by_share * residual;
             sums[4] += said.weight * residual;
-            let level = octet.there * (Lanes::ONE - edge);
+            let level = there - there * edge;
             flat += level;
             flat_squares += level * (residual * residual).min(CUT * CUT * noise_squared);
         }
-        here.into(&mut rim, sector);
+        here.into(&mut rim, group);
     }
-    let [aa, ab, bb, a, b] = sums.map(Lanes::sum);
+    let [aa, ab, bb, a, b] = sums.map(sum);
     ChromaSums { rim, light: (Matrix2::new(aa, ab, ab, bb), Vector2::new(a, b)), noise: deviation(flat_squares, flat) }
 }
 
@@ -352,8 +400,8 @@ pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> C
 const CUT: f32 = 3.0;
 
 /// Where they are cut at three deviations, the mean square of a normal variable is 0.97 of its variance.
-fn deviation(squares: Lanes, count: Lanes) -> f64 {
-    (squares.sum() / (0.97 * count.sum().max(1.0))).sqrt()
+fn deviation<S: Simd>(squares: f32x8<S>, count: f32x8<S>) -> f64 {
+    (sum(squares) / (0.97 * sum(count).max(1.0))).sqrt()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]

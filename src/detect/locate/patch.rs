@@ -5,28 +5,26 @@ use nalgebra::{Matrix2, Vector2};
 use super::ground::{median, middle, shortest_half, slope};
 use super::lanes::{LANES, Lanes};
 use super::pass::{Light, Model};
-use super::rim::SECTORS;
+use super::rim::{GROUPS, SECTORS, seat};
 use super::{Likeness, MAX_REACH_PX, Seed};
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
-/// Eight samples of one channel in one sector.
+/// A sample of one channel in each of eight sectors.
 #[derive(Clone, Copy)]
 pub(super) struct Octet {
     /// From the patch's origin, px.
     pub x: Lanes,
     pub y: Lanes,
     pub value: Lanes,
-    /// 1 for a sample, 0 for a lane that is left over.
+    /// 1 for a sample, 0 where the sector has no more.
     pub there: Lanes,
     /// The same for samples that are not of something else.
     pub free: Lanes,
 }
 
-/// The samples of one channel.
+/// The samples of one channel: each lane of a group is a sector, so that what a pass sums stays in its lane.
 pub(super) struct Channel {
-    octets: Vec<Octet>,
-    /// Where each sector begins in `octets`, and the end of the last.
-    starts: [usize; SECTORS + 1],
+    groups: [Vec<Octet>; GROUPS],
     /// Medians within the rim and beyond it.
     pub inside: f64,
     pub outside: f64,
@@ -108,7 +106,9 @@ enum Side {
 
 /// Samples as they come.
 struct Gathered {
-    sectors: [Vec<Sample>; SECTORS],
+    groups: [Vec<Octet>; GROUPS],
+    /// Samples of each sector so far.
+    counts: [usize; SECTORS],
     inside: Vec<f32>,
     /// Where there is no middle, `None` if that is not looked for.
     deep: Option<Vec<f32>>,
@@ -118,7 +118,8 @@ struct Gathered {
 impl Gathered {
     fn new(capacity: usize, large: bool) -> Self {
         Self {
-            sectors: std::array::from_fn(|_| Vec::with_capacity(capacity)),
+            groups: std::array::from_fn(|_| Vec::with_capacity(capacity)),
+            counts: [0; SECTORS],
             inside: Vec::with_capacity(4 * capacity),
             deep: large.then(Vec::new),
             outside: Vec::with_capacity(8 * capacity),
@@ -126,7 +127,13 @@ impl Gathered {
     }
 
     fn push(&mut self, sector: usize, side: Side, sample: Sample) {
-        self.sectors[sector].push(sample);
+        let (group, lane) = seat(sector);
+        let (octets, at) = (&mut self.groups[group], self.counts[sector]);
+        if at == octets.len() {
+            octets.push(Octet::EMPTY);
+        }
+        octets[at].put(lane, &sample);
+        self.counts[sector] += 1;
         match side {
             Side::Inside => self.inside.push(sample.value),
             Side::Deep => self.deep.iter_mut().for_each(|deep| deep.push(sample.value)),
@@ -139,40 +146,42 @@ impl Gathered {
     /// marker's. Waves that coding has left of the marker itself would look like slopes.
     fn levelled(mut self) -> Self {
         let Some(slope) = slope(&self.outside) else { return self };
-        let level = |sample: &mut Sample| sample.value -= single(slope.x) * sample.x + single(slope.y) * sample.y;
-        self.outside.iter_mut().chain(self.sectors.iter_mut().flatten()).for_each(level);
+        let (right, down) = (single(slope.x), single(slope.y));
+        for sample in &mut self.outside {
+            sample.value -= right * sample.x + down * sample.y;
+        }
+        for octet in self.groups.iter_mut().flatten() {
+            for lane in 0..LANES {
+                octet.value.0[lane] -= right * octet.x.0[lane] + down * octet.y.0[lane];
+            }
+        }
         self
     }
 
     /// `None` if there is nothing within the rim or beyond it.
     fn finished(mut self, amid_others: bool) -> Option<Channel> {
-        let mut octets = Vec::with_capacity(self.sectors.iter().map(|samples| samples.len().div_ceil(LANES)).sum());
-        let mut starts = [0; SECTORS + 1];
-        for (index, samples) in self.sectors.iter().enumerate() {
-            octets.extend(samples.chunks(LANES).map(Octet::of));
-            starts[index + 1] = octets.len();
-        }
         let inside = median(&mut self.inside).or_else(|| median(self.deep.as_mut()?))?;
         let ground = if amid_others { shortest_half } else { middle };
         let mut outside: Vec<f32> = self.outside.iter().map(|sample| sample.value).collect();
         let (outside, noise) = ground(&mut outside)?;
         let [inside, outside, noise] = [inside, outside, noise].map(f64::from);
-        Some(Channel { octets, starts, inside, outside, noise })
+        Some(Channel { groups: self.groups, inside, outside, noise })
     }
 }
 
 impl Channel {
-    pub(super) fn octets(&self) -> &[Octet] {
-        &self.octets
+    /// Group by group.
+    pub(super) fn octets(&self) -> impl Iterator<Item = &Octet> {
+        self.groups.iter().flatten()
     }
 
-    pub(super) fn octets_mut(&mut self) -> &mut [Octet] {
-        &mut self.octets
+    pub(super) fn octets_mut(&mut self) -> impl Iterator<Item = &mut Octet> {
+        self.groups.iter_mut().flatten()
     }
 
-    /// The octets of a sector.
-    pub(super) fn sector(&self, index: usize) -> &[Octet] {
-        &self.octets[self.starts[index]..self.starts[index + 1]]
+    /// The octets of a group.
+    pub(super) fn group(&self, index: usize) -> &[Octet] {
+        &self.groups[index]
     }
 }
 
@@ -313,9 +322,12 @@ impl Octet {
         (0..LANES).filter(move |lane| there.0[*lane] > 0.0)
     }
 
-    fn of(samples: &[Sample]) -> Self {
-        let of = |f: fn(&Sample) -> f32| Lanes(std::array::from_fn(|i| samples.get(i).map_or(0.0, f)));
-        Self { x: of(|s| s.x), y: of(|s| s.y), value: of(|s| s.value), there: of(|_| 1.0), free: of(|_| 1.0) }
+    const EMPTY: Self =
+        Self { x: Lanes::ZERO, y: Lanes::ZERO, value: Lanes::ZERO, there: Lanes::ZERO, free: Lanes::ZERO };
+
+    fn put(&mut self, lane: usize, sample: &Sample) {
+        (self.x.0[lane], self.y.0[lane], self.value.0[lane]) = (sample.x, sample.y, sample.value);
+        (self.there.0[lane], self.free.0[lane]) = (1.0, 1.0);
     }
 }
 

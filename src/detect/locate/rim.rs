@@ -3,12 +3,33 @@
 //! A panel line that touches a marker, or a neighbour that hides a part of it, spoils a stretch of its rim. No pixel of
 //! that stretch looks wrong by itself, but all of them together say that the rim lies elsewhere.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f32x8};
 use nalgebra::{SMatrix, SVector};
 
 use super::ellipse::FORM;
+use super::lanes::{LANES, MACHINE};
+use super::patch::single;
 
 /// Sectors of the rim.
 pub(super) const SECTORS: usize = 24;
+
+/// Groups of as many sectors as there are lanes.
+pub(super) const GROUPS: usize = SECTORS / LANES;
+
+/// Sectors of each quadrant. Each group has those that lie as far from its axes, which are as wide as each other.
+const QUADRANT: usize = SECTORS / 4;
+
+/// The group and the lane of a sector.
+pub(super) const fn seat(sector: usize) -> (usize, usize) {
+    let (quadrant, place) = (sector / QUADRANT, sector % QUADRANT);
+    if place < GROUPS { (place, 2 * quadrant) } else { (QUADRANT - 1 - place, 2 * quadrant + 1) }
+}
+
+/// The sectors of a group, lane by lane.
+pub(super) fn sectors(group: usize) -> [usize; LANES] {
+    std::array::from_fn(|lane| QUADRANT * (lane / 2) + if lane % 2 == 0 { group } else { QUADRANT - 1 - group })
+}
 
 pub(super) type Form = SVector<f64, FORM>;
 pub(super) type FormMatrix = SMatrix<f64, FORM, FORM>;
@@ -21,17 +42,17 @@ pub(super) type Equations = (FormMatrix, Form);
 pub(super) struct Rim {
     pub information: [f64; SECTORS],
     pub pull: [f64; SECTORS],
-    pub form: [Form; SECTORS],
+    pub form: [[f64; SECTORS]; FORM],
 }
 
 /// The same as offsets.
 pub(super) struct Offsets {
     /// How far outwards the rim lies, px.
     offset: [f64; SECTORS],
-    /// Variance of that, px^2; infinite where nothing is known.
-    variance: [f64; SECTORS],
+    /// Inverse of its deviation, 1/px; zero where nothing is known.
+    certainty: [f64; SECTORS],
     /// What of the form moves it.
-    form: [Form; SECTORS],
+    form: [[f64; SECTORS]; FORM],
 }
 
 /// The sectors' weights, 0 to 1, and how far they scatter against what their pixels' noise allows.
@@ -51,13 +72,13 @@ pub(super) const CHROMA_FLOOR_PX: f64 = 0.06;
 
 impl Rim {
     pub(super) fn offsets(&self, floor_px: f64) -> Offsets {
-        let known = |k: usize| self.information[k] > 1e-9;
+        let per_information = self.information.map(|known| if known > 1e-9 { known.recip() } else { 0.0 });
+        let certain = |of: f64| if of > 0.0 { (of + floor_px * floor_px).sqrt().recip() } else { 0.0 };
+        let scaled = |of: &[f64; SECTORS]| std::array::from_fn(|k| of[k] * per_information[k]);
         Offsets {
-            offset: std::array::from_fn(|k| if known(k) { self.pull[k] / self.information[k] } else { 0.0 }),
-            variance: std::array::from_fn(|k| {
-                if known(k) { self.information[k].recip() + floor_px * floor_px } else { f64::INFINITY }
-            }),
-            form: std::array::from_fn(|k| if known(k) { self.form[k] / self.information[k] } else { Form::zeros() }),
+            offset: scaled(&self.pull),
+            certainty: per_information.map(certain),
+            form: self.form.each_ref().map(scaled),
         }
     }
 }
@@ -65,15 +86,29 @@ impl Rim {
 impl Offsets {
     /// Adds the normal equations of the form.
     pub(super) fn add_to(&self, trust: &Trust, normal: &mut FormMatrix, right: &mut Form) {
-        for k in 0..SECTORS {
-            self.add_sector(k, trust.of[k], normal, right);
+        let weights = self.weights(trust);
+        for (row, form) in self.form.iter().enumerate() {
+            let weighted: [f64; SECTORS] = std::array::from_fn(|k| weights[k] * form[k]);
+            for (column, other) in self.form.iter().enumerate().take(row + 1) {
+                let sum = dot(&weighted, other);
+                normal[(row, column)] += sum;
+                if column < row {
+                    normal[(column, row)] += sum;
+                }
+            }
+            right[row] += dot(&weighted, &self.offset);
         }
     }
 
-    fn add_sector(&self, k: usize, trust: f64, normal: &mut FormMatrix, right: &mut Form) {
-        let weight = trust / self.variance[k];
-        normal.ger(weight, &self.form[k], &self.form[k], 1.0);
-        right.axpy(weight * self.offset[k], &self.form[k], 1.0);
+    /// What each sector counts.
+    fn weights(&self, trust: &Trust) -> [f64; SECTORS] {
+        std::array::from_fn(|k| trust.of[k] * self.certainty[k] * self.certainty[k])
+    }
+
+    fn equations_of(&self, k: usize) -> Equations {
+        let form = Form::from(self.form.each_ref().map(|form| form[k]));
+        let weight = self.certainty[k] * self.certainty[k];
+        (form * form.transpose() * weight, form * (weight * self.offset[k]))
     }
 
     fn solved(&self, trust: &Trust, base: &Equations) -> Option<Form> {
@@ -84,16 +119,19 @@ impl Offsets {
 
     /// What of the rim deviates from an ellipse that `form` has moved.
     fn apart(&self, form: &Form) -> [f64; SECTORS] {
-        std::array::from_fn(|k| self.offset[k] - self.form[k].dot(form))
+        let mut apart = self.offset;
+        for (of, by) in self.form.iter().zip(form) {
+            for (apart, of) in apart.iter_mut().zip(of) {
+                *apart -= of * by;
+            }
+        }
+        apart
     }
 
     /// What each sector pulls outwards beside an ellipse that `form` has moved, and the variance of that which its own lets expect.
     fn pulls(&self, trust: &Trust, form: &Form) -> [(f64, f64); SECTORS] {
-        let apart = self.apart(form);
-        std::array::from_fn(|k| {
-            let weight = trust.of[k] / self.variance[k];
-            (weight * apart[k], weight)
-        })
+        let (apart, weights) = (self.apart(form), self.weights(trust));
+        std::array::from_fn(|k| (weights[k] * apart[k], weights[k]))
     }
 
     /// Which sectors of luma to trust. `base` is what else is known of the form: equations of chroma and of a known shape; `before`
@@ -106,13 +144,11 @@ impl Offsets {
         let Some(mut form) = start else { return Trust::NONE };
         let mut trust = Trust::FULL;
         for _ in 0..ROUNDS {
-            let mut sizes = self.sizes(&form);
-            let all = sizes;
+            let sizes = self.sizes(&form);
             // Five of the sectors are used up: the median of what is left.
-            let middle = usize::midpoint(SECTORS, FORM);
-            let scatter = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let scatter = 1.4826 * ranked(&sizes, u32::midpoint(SECTORS as u32, FORM as u32));
             trust.scatter = scatter.max(LEAST_SCATTER);
-            trust.of = all.map(|size| tukey(size / scatter.max(LEAST_SCALE), MAX_DEVIATIONS));
+            trust.of = sizes.map(|size| tukey(size / scatter.max(LEAST_SCALE), MAX_DEVIATIONS));
             let Some(next) = self.solved(&trust, base) else { return Trust::NONE };
             form = next;
         }
@@ -124,12 +160,7 @@ impl Offsets {
     /// What spoils a rim (a line along it, a neighbour, what hides a part) spoils one stretch of it and bends an ellipse towards itself, so
     /// that nothing looks wrong any more. So each stretch in turn is left out.
     fn agreed(&self, base: &Equations) -> Option<Form> {
-        let of_sector = |k: usize| {
-            let (mut normal, mut right) = (FormMatrix::zeros(), Form::zeros());
-            self.add_sector(k, 1.0, &mut normal, &mut right);
-            (normal, right)
-        };
-        let sectors: [Equations; SECTORS] = std::array::from_fn(of_sector);
+        let sectors: [Equations; SECTORS] = std::array::from_fn(|k| self.equations_of(k));
         let (mut normal, mut right) = *base;
         for sector in &sectors {
             normal += sector.0;
@@ -157,27 +188,25 @@ impl Offsets {
     /// How far the sectors lie beside an ellipse that `form` has moved, in deviations.
     fn sizes(&self, form: &Form) -> [f64; SECTORS] {
         let apart = self.apart(form);
-        std::array::from_fn(|k| apart[k].abs() / self.variance[k].sqrt())
+        std::array::from_fn(|k| apart[k].abs() * self.certainty[k])
     }
 
     /// The largest of those but a stretch of the largest.
     fn size_of_most(&self, form: &Form) -> f64 {
-        *self.sizes(form).select_nth_unstable_by(SECTORS - STRETCH, f64::total_cmp).1
+        ranked(&self.sizes(form), (SECTORS - STRETCH) as u32)
     }
 
     /// All sectors, as those of a small rim cannot be told from each other; but together they tell how well an ellipse fits.
     pub(super) fn untrimmed(&self, base: &Equations) -> Trust {
         let Some(form) = self.solved(&Trust::FULL, base) else { return Trust::NONE };
-        let squares =
-            self.apart(&form).into_iter().zip(self.variance).map(|(apart, variance)| apart * apart / variance);
+        let squares = self.sizes(&form).into_iter().map(|size| size * size);
         let scatter = (squares.sum::<f64>() / (SECTORS - FORM) as f64).sqrt().max(LEAST_SCATTER);
         Trust { scatter, ..Trust::FULL }
     }
 
     /// The share of what is known that is trusted.
     pub(super) fn kept(&self, trust: &Trust) -> f64 {
-        let all: f64 = self.variance.iter().map(|v| v.recip()).sum();
-        let kept: f64 = self.variance.iter().zip(trust.of).map(|(v, trust)| trust / v).sum();
+        let [all, kept] = [&Trust::FULL, trust].map(|trust| self.weights(trust).iter().sum::<f64>());
         if all > 0.0 { kept / all } else { 1.0 }
     }
 }
@@ -223,12 +252,66 @@ const LEAST_SCATTER: f64 = 0.8;
 const MAX_DEVIATIONS: f64 = 4.0;
 const LEAST_SCALE: f64 = 0.5;
 
-/// The solution of normal equations that may lack a direction.
-pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
-    for k in 0..FORM {
-        normal[(k, k)] += 1e-9 * normal[(k, k)] + 1e-12;
+/// The value of that rank, from zero, by counting for each how many are less: of so few that is faster than moving them.
+fn ranked(values: &[f64; SECTORS], rank: u32) -> f64 {
+    let values = values.map(single);
+    f64::from(dispatch!(*MACHINE, simd => ranked_by(simd, &values, rank as f32)))
+}
+
+#[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+#[inline(always)]
+fn ranked_by<S: Simd>(simd: S, values: &[f32; SECTORS], rank: f32) -> f32 {
+    let lanes: [f32x8<S>; GROUPS] = std::array::from_fn(|k| f32x8::from_slice(simd, &values[LANES * k..][..LANES]));
+    let [zero, one] = [0.0, 1.0].map(|value| f32x8::splat(simd, value));
+    let mut less = [zero; GROUPS];
+    for other in values {
+        for (less, values) in less.iter_mut().zip(&lanes) {
+            *less += values.simd_gt(*other).select(one, zero);
+        }
     }
-    Some(normal.cholesky()?.solve(right))
+    // The largest that no more than `rank` are less than.
+    let within = less.iter().zip(&lanes).map(|(less, values)| less.simd_le(rank).select(*values, zero));
+    within.fold(zero, |most, values| most.max(values)).reduce_max()
+}
+
+/// In four lanes.
+fn dot(a: &[f64; SECTORS], b: &[f64; SECTORS]) -> f64 {
+    let mut sums = [0.0; 4];
+    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// The solution of normal equations that may lack a direction. By Cholesky's factors without roots, and in place: thirty of these are
+/// solved for each look at a rim, and of five unknowns that takes half of what it takes of any number.
+pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
+    let mut solution = *right;
+    for column in 0..FORM {
+        normal[(column, column)] += 1e-9 * normal[(column, column)] + 1e-12;
+    }
+    for column in 0..FORM {
+        let pivot = normal[(column, column)];
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return None;
+        }
+        for row in column + 1..FORM {
+            let factor = normal[(row, column)] / pivot;
+            for to in column + 1..=row {
+                normal[(row, to)] -= factor * normal[(to, column)];
+            }
+            solution[row] -= factor * solution[column];
+        }
+    }
+    for row in (0..FORM).rev() {
+        for below in row + 1..FORM {
+            solution[row] -= normal[(below, row)] * solution[below];
+        }
+        solution[row] /= normal[(row, row)];
+    }
+    Some(solution)
 }
 
 /// Weight of Beaton and Tukey.
@@ -245,8 +328,14 @@ mod tests {
         let angle = |k: usize| std::f64::consts::TAU * k as f64 / SECTORS as f64;
         Offsets {
             offset: std::array::from_fn(|k| offset(angle(k))),
-            variance: [1e-4; SECTORS],
-            form: std::array::from_fn(|k| Form::new(angle(k).cos(), angle(k).sin(), 0.0, 0.0, 0.0)),
+            certainty: [1e2; SECTORS],
+            form: [0, 1, 2, 3, 4].map(|row| {
+                std::array::from_fn(|k| match row {
+                    0 => angle(k).cos(),
+                    1 => angle(k).sin(),
+                    _ => 0.0,
+                })
+            }),
         }
     }
 
