@@ -95,8 +95,8 @@ pub(super) fn fit(
         model.ellipse = next;
         relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
         model.mixture = mixture(&model.light, hue);
-        if sums.is_some() && amid_others {
-            foreign::take_out(&mut patch, &looked, model.noise.luma);
+        if let (Some(sums), true) = (&sums, amid_others) {
+            foreign::take_out(&mut patch, &looked, sums.farthest, model.noise.luma);
         }
         if pass + 1 >= min_passes && moved < likeness.settled_px {
             break;

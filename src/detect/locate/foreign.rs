@@ -4,18 +4,21 @@
 //! a pixel that is off in the same direction as its neighbour that is foreign belongs to the same thing. So what is found beyond the rim
 //! is followed into it (hysteresis, as edges are followed by Canny 1986).
 
-use super::pass::Looked;
+use super::pass::{GROUND, Looked};
 use super::patch::{Octet, Patch};
 
 /// A pixel of the ground is foreign from so many deviations on, and its neighbours from as many on.
 const SEED: f64 = 7.0;
 const GROWN: f32 = 2.5;
 
-/// Shares below this are ground.
-const GROUND: f32 = 0.05;
-
-/// Takes the pixels of foreign things out of the patch, and puts all others back in.
-pub(super) fn take_out(patch: &mut Patch, looked: &[Looked], noise: f64) {
+/// Takes the pixels of foreign things out of the patch, and puts all others back in. `farthest` is the largest residual of the ground.
+pub(super) fn take_out(patch: &mut Patch, looked: &[Looked], farthest: f64, noise: f64) {
+    if farthest <= SEED * noise {
+        for octet in patch.luma.octets_mut() {
+            octet.free = octet.there;
+        }
+        return;
+    }
     let is_seed = |looked: &Looked, lane: usize| {
         looked.share.0[lane] < GROUND && f64::from(looked.residual.0[lane].abs()) > SEED * noise
     };
@@ -23,13 +26,7 @@ pub(super) fn take_out(patch: &mut Patch, looked: &[Looked], noise: f64) {
     let seeds = patch.luma.octets().zip(looked).flat_map(|(octet, looked)| {
         octet.lanes().filter(move |lane| is_seed(looked, *lane)).map(move |lane| place(side, octet, lane))
     });
-    let open: Vec<usize> = seeds.collect();
-    if open.is_empty() {
-        for octet in patch.luma.octets_mut() {
-            octet.free = octet.there;
-        }
-        return;
-    }
+    let open = seeds.collect();
     let mut picture = Picture::of(patch, looked);
     picture.grow(open);
     for octet in patch.luma.octets_mut() {
@@ -130,6 +127,12 @@ mod tests {
         patch.luma.octets().map(of).collect()
     }
 
+    /// The largest residual of the ground.
+    fn farthest(looked: &[Looked]) -> f64 {
+        let lanes = looked.iter().flat_map(|l| l.residual.0.iter().zip(l.share.0));
+        lanes.filter(|(_, share)| *share < GROUND).map(|(residual, _)| f64::from(residual.abs())).fold(0.0, f64::max)
+    }
+
     /// The pixels that are out.
     fn out(patch: &Patch) -> Vec<(f32, f32)> {
         let octets = patch.luma.octets();
@@ -152,7 +155,7 @@ mod tests {
             _ => 0.0,
         };
         let looked = looked(&patch, residual);
-        take_out(&mut patch, &looked, 1.0);
+        take_out(&mut patch, &looked, farthest(&looked), 1.0);
         assert_eq!(out(&patch), [(5.0, 0.0), (6.0, 0.0), (7.0, 0.0), (8.0, 0.0)]);
     }
 
@@ -160,15 +163,15 @@ mod tests {
     fn what_is_far_off_on_the_disc_is_no_start_and_what_fits_again_is_put_back() {
         let mut patch = patch();
         let on_disc = looked(&patch, |x, y| if (x, y) == (2.0, 0.0) { -30.0 } else { 0.0 });
-        take_out(&mut patch, &on_disc, 1.0);
+        take_out(&mut patch, &on_disc, farthest(&on_disc), 1.0);
         assert_eq!(out(&patch), []);
         let beyond = looked(&patch, |x, y| if (x, y) == (0.0, -8.0) { 30.0 } else { 0.0 });
-        take_out(&mut patch, &beyond, 1.0);
+        take_out(&mut patch, &beyond, farthest(&beyond), 1.0);
         assert_eq!(out(&patch), [(0.0, -8.0)]);
-        take_out(&mut patch, &beyond, 5.0);
+        take_out(&mut patch, &beyond, farthest(&beyond), 5.0);
         assert_eq!(out(&patch), [], "that is six deviations of more noise");
-        take_out(&mut patch, &beyond, 1.0);
-        take_out(&mut patch, &on_disc, 1.0);
+        take_out(&mut patch, &beyond, farthest(&beyond), 1.0);
+        take_out(&mut patch, &on_disc, farthest(&on_disc), 1.0);
         assert_eq!(out(&patch), []);
     }
 }

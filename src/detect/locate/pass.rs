@@ -6,12 +6,12 @@
 )]
 
 use fearless_simd::prelude::*;
-use fearless_simd::{dispatch, f32x8};
+use fearless_simd::{dispatch, f32x8, u32x8};
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
 use super::Likeness;
 use super::ellipse::{Ellipse, FORM, LOGISTIC};
-use super::lanes::{LANES, Lanes, MACHINE, logistic_fall, sum};
+use super::lanes::{Lanes, MACHINE, logistic_fall, sum};
 use super::mixture::Mixtures;
 use super::patch::{Channel, Patch};
 use super::rim::{GROUPS, Rim, Trust, sectors};
@@ -51,6 +51,8 @@ pub(super) struct Sums {
     pub blur: (f64, f64),
     /// Deviation of what no edge explains.
     pub noise: f64,
+    /// The largest residual of the ground.
+    pub farthest: f64,
 }
 
 /// What became of eight pixels.
@@ -77,8 +79,11 @@ fn bent(edge_error: f64, ln_blur: f64, more: f64) -> f32 {
 const MAX_DEVIATIONS: f32 = 8.0;
 const MAX_DEVIATIONS_AMID_OTHERS: f32 = 6.0;
 
+/// Shares below this are ground.
+pub(super) const GROUND: f32 = 0.05;
+
 /// A share times what is left of one, below which a pixel is not at the edge.
-const LEVEL: f32 = 0.075;
+const FLAT: f32 = 0.075;
 
 /// How much of the height of chroma counts as height of luma there: demosaicing lets it show.
 const CHROMA_IN_LUMA: f32 = 1.4;
@@ -239,6 +244,7 @@ fn gather_by<S: Simd>(
     let (mut blur, mut blur_pull) = (zero, zero);
     let max_deviations = if amid_others { MAX_DEVIATIONS_AMID_OTHERS } else { MAX_DEVIATIONS };
     let (mut flat, mut flat_squares) = (zero, zero);
+    let mut farthest = zero;
     let chroma_bend = (CHROMA_IN_LUMA * single(light.chroma.x)).powi(2);
     for group in 0..GROUPS {
         let mut here = RimLanes::none(simd);
@@ -258,6 +264,8 @@ fn gather_by<S: Simd>(
             let level = free - free * edge;
             flat += level;
             flat_squares += level * (said.residual * said.residual).min(CUT * CUT * noise_squared);
+            let stray = cover.share.simd_lt(GROUND).select(said.residual.abs() * octet.there.load(simd), zero);
+            farthest = farthest.max(stray);
             looked.push(Looked {
                 residual: Lanes(*said.residual),
                 variance: Lanes(*variance),
@@ -306,7 +314,8 @@ fn gather_by<S: Simd>(
         light: (normal, Vector4::from(moment.map(sum))),
         cross: Matrix2::from_row_slice(&cross.map(sum)),
         blur: (sum(blur), sum(blur_pull)),
-        noise: if amid_others { level_noise(patch, looked, noise.luma) } else { deviation(flat_squares, flat) },
+        noise: if amid_others { level_noise(simd, patch, looked, noise.luma) } else { deviation(flat_squares, flat) },
+        farthest: f64::from(farthest.reduce_max()),
     }
 }
 
@@ -316,18 +325,21 @@ const BINS: usize = 128;
 
 /// The noise that most pixels beside the edge have, whatever the others are: by the median of sizes, counted in bins of the noise `before`.
 /// Where more than half are beyond the last bin it is that bin's, and the next pass goes on from there.
-fn level_noise(patch: &Patch, looked: &[Looked], before: f64) -> f64 {
-    let mut counts = [0_u32; BINS + 1];
+#[inline(always)]
+fn level_noise<S: Simd>(simd: S, patch: &Patch, looked: &[Looked], before: f64) -> f64 {
+    // In the last are those that do not count.
+    let mut counts = [0_u32; BINS + 2];
     let scale = FINE / single(before);
     for (octet, looked) in patch.luma.octets().zip(looked) {
-        for lane in 0..LANES {
-            let share = looked.share.0[lane];
-            let counts_here = octet.free.0[lane] > 0.0 && share * (1.0 - share) < LEVEL;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to BINS")]
-            let bin = (looked.residual.0[lane].abs() * scale).min(BINS as f32) as usize;
-            counts[bin] += u32::from(counts_here);
+        let [share, residual] = [&looked.share, &looked.residual].map(|lanes| lanes.load(simd));
+        let is_level = (share - share * share).simd_lt(FLAT) & octet.free.load(simd).simd_gt(0.0);
+        let bins = (residual.abs() * scale).min(BINS as f32);
+        let bins: u32x8<S> = is_level.select(bins, f32x8::splat(simd, BINS as f32 + 1.0)).to_int();
+        for bin in *bins {
+            counts[(bin as usize).min(BINS + 1)] += 1;
         }
     }
+    let counts = &counts[..=BINS];
     let half = 0.5 * f64::from(counts.iter().sum::<u32>());
     let mut below = 0.0;
     for (bin, count) in counts.iter().map(|count| f64::from(*count)).enumerate() {

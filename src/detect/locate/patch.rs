@@ -1,9 +1,11 @@
 //! The samples around a blob's rim, sector by sector.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f32x8};
 use nalgebra::{Matrix2, Vector2};
 
 use super::ground::{median, middle, shortest_half, slope};
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, MACHINE};
 use super::pass::{Light, Model};
 use super::rim::{GROUPS, SECTORS, seat};
 use super::{Likeness, MAX_REACH_PX, Seed};
@@ -56,14 +58,14 @@ pub(super) struct Patch {
 }
 
 /// How far from the rim pixels are looked at, px. What is within belongs to the marker; outwards other things begin.
-const INWARDS_PX: f64 = 6.0;
-const OUTWARDS_PX: f64 = 3.5;
+const INWARDS_PX: f32 = 6.0;
+const OUTWARDS_PX: f32 = 3.5;
 
 /// As far within the rim it is the disc that is seen, however blurred, px.
-const DEEP_PX: f64 = 4.0;
+const DEEP_PX: f32 = 4.0;
 
 /// What is this near to the rim of another, and nearer than to the own, belongs to the other, px.
-const OTHERS_PX: f64 = 3.0;
+const OTHERS_PX: f32 = 3.0;
 
 /// Where four pixels share a sample of chroma, one of them is looked at. The variance of that blur, px^2, and what the sample
 /// counts: more than once, as its noise is not the limit.
@@ -197,7 +199,7 @@ impl Patch {
         let matrix = &seed.form()?;
         let origin = seed.pixel.map(f64::round);
         // An ellipse's half axes are twice its root mean square extents.
-        let reach = seed.moments.diagonal().map(|v| (2.0 * v.max(0.1).sqrt() + OUTWARDS_PX).ceil());
+        let reach = seed.moments.diagonal().map(|v| (2.0 * v.max(0.1).sqrt() + f64::from(OUTWARDS_PX)).ceil());
         let far = Vector2::new(f64::from(frame.width()), f64::from(frame.height())) - reach;
         let near = origin - reach;
         if !(near.min() >= 0.0 && origin.x < far.x && origin.y < far.y && reach.max() < f64::from(MAX_REACH_PX)) {
@@ -217,28 +219,31 @@ impl Patch {
         let mut luma = Gathered::new(capacity, likeness.large);
         let mut colour =
             reader.direction.map(|_| Gathered::new(if shared { capacity / 4 } else { capacity }, likeness.large));
+        let mut row = vec![Spots::EMPTY; (right - left + 1).div_ceil(LANES)];
         for y in top..=bottom {
+            look(&mut row, Vector2::new(left as f64, y as f64) - seed.pixel, matrix);
             for x in left..=right {
-                let at = Vector2::new(x as f64, y as f64) - origin;
-                let q = at - (seed.pixel - origin);
-                let (squared, from_rim) = from_rim(&q, matrix);
+                let (spots, lane) = (&row[(x - left) / LANES], (x - left) % LANES);
+                let from_rim = spots.from_rim.0[lane];
                 if !(-INWARDS_PX..OUTWARDS_PX).contains(&from_rim) {
                     continue;
                 }
+                let at = Vector2::new(x as f64, y as f64) - origin;
                 let is_theirs = |(middle, matrix): &(Vector2<f64>, Matrix2<f64>)| {
-                    self::from_rim(&(at - middle), matrix).1 < from_rim.min(OTHERS_PX)
+                    self::from_rim(&(at - middle), matrix) < f64::from(from_rim.min(OTHERS_PX))
                 };
                 if from_rim > 0.0 && others.iter().any(is_theirs) {
                     continue;
                 }
                 let side = match () {
-                    () if squared < 0.6 => Side::Inside,
+                    () if spots.squared.0[lane] < 0.6 => Side::Inside,
                     () if from_rim < -DEEP_PX => Side::Deep,
                     () if from_rim > 1.5 => Side::Outside,
                     () => Side::Rim,
                 };
                 let sample = |value| Sample { x: single(at.x), y: single(at.y), value };
-                let sector = sector(&q);
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sector's number")]
+                let sector = spots.sector.0[lane] as usize;
                 luma.push(sector, side, sample(reader.luma(x, y)));
                 if let (Some(colour), Some(direction)) = (&mut colour, &reader.direction)
                     && !(shared && (x % 2 == 1 || y % 2 == 1))
@@ -299,20 +304,49 @@ impl Seed {
     }
 }
 
-/// The square of a way from the middle of an ellipse, in its half axes, and how far beyond the rim it leads, px.
-fn from_rim(q: &Vector2<f64>, matrix: &Matrix2<f64>) -> (f64, f64) {
-    let g = matrix * q;
-    let squared = q.dot(&g);
-    (squared, (squared - 1.0) / (2.0 * g.norm()).max(1e-9))
+/// Where eight pixels of a row lie against an ellipse.
+#[derive(Clone, Copy)]
+struct Spots {
+    /// The square of the way from its middle, in its half axes.
+    squared: Lanes,
+    /// How far beyond its rim, px.
+    from_rim: Lanes,
+    /// The sector of the direction from its middle, a whole number.
+    sector: Lanes,
 }
 
-/// The sector of a direction. They are even along a square, not along a circle, which saves an arc tangent a pixel.
-fn sector(q: &Vector2<f64>) -> usize {
-    let along = q.x / (q.x.abs() + q.y.abs()).max(1e-12);
-    let turn = if q.y < 0.0 { 1.0 + along } else { 3.0 - along };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4 sides of the square")]
-    let index = (turn * (SECTORS as f64 / 4.0)) as usize;
-    index.min(SECTORS - 1)
+impl Spots {
+    const EMPTY: Self = Self { squared: Lanes::ZERO, from_rim: Lanes::ZERO, sector: Lanes::ZERO };
+}
+
+/// The pixels of a row of which the first lies `start` from the ellipse's middle.
+fn look(row: &mut [Spots], start: Vector2<f64>, matrix: &Matrix2<f64>) {
+    dispatch!(*MACHINE, simd => look_by(simd, row, start, matrix));
+}
+
+#[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+#[inline(always)]
+fn look_by<S: Simd>(simd: S, row: &mut [Spots], start: Vector2<f64>, matrix: &Matrix2<f64>) {
+    let [m11, m12, m22] = [matrix.m11, matrix.m12, matrix.m22].map(single);
+    let y = f32x8::splat(simd, single(start.y));
+    let mut x = f32x8::from_fn(simd, |lane| single(start.x) + lane as f32);
+    for spots in row {
+        let (gx, gy) = (x * m11 + y * m12, x * m12 + y * m22);
+        let squared = x * gx + y * gy;
+        let from_rim = (squared - 1.0) / ((gx * gx + gy * gy).sqrt() * 2.0).max(1e-9);
+        // Sectors are even along a square, not along a circle, which saves an arc tangent a pixel.
+        let along = x / (x.abs() + y.abs()).max(1e-12);
+        let turn = y.simd_lt(0.0).select(along + 1.0, -along + 3.0);
+        let sector = (turn * (SECTORS as f32 / 4.0)).floor().min(SECTORS as f32 - 1.0);
+        *spots = Spots { squared: Lanes(*squared), from_rim: Lanes(*from_rim), sector: Lanes(*sector) };
+        x += LANES as f32;
+    }
+}
+
+/// How far beyond the rim of an ellipse a way from its middle leads, px.
+fn from_rim(q: &Vector2<f64>, matrix: &Matrix2<f64>) -> f64 {
+    let g = matrix * q;
+    (q.dot(&g) - 1.0) / (2.0 * g.norm()).max(1e-9)
 }
 
 impl Octet {
