@@ -69,8 +69,8 @@ pub(super) fn fit(
         let amid_others = likeness.amid_others && !is_small;
         // In the first passes chroma speaks alone.
         let sums = (pass >= chroma_passes).then(|| gather(&patch, &model, likeness, amid_others, &trust, &mut looked));
-        if let Some(sums) = &sums {
-            let luma = sums.rim.offsets(likeness.floor_px);
+        let luma = sums.as_ref().map(|sums| sums.rim.offsets(likeness.floor_px));
+        if let (Some(sums), Some(luma)) = (&sums, &luma) {
             let base = (normal, right);
             trust = luma.untrimmed(&base);
             if !is_small && trust.scatter > likeness.trim_scatter {
@@ -85,10 +85,9 @@ pub(super) fn fit(
             last = Some((normal, luma.kept(&trust)));
         }
         let step = solved(normal, &right)?;
-        if let Some(sums) = &sums {
-            let luma = sums.rim.offsets(likeness.floor_px);
-            let colour = colour.as_ref().map_or((&luma, &Trust::NONE), |colour| (colour, &Trust::FULL));
-            uneven = unevenness(&[(&luma, &trust), colour], &step);
+        if let Some(luma) = &luma {
+            let colour = colour.as_ref().map_or((luma, &Trust::NONE), |colour| (colour, &Trust::FULL));
+            uneven = unevenness(&[(luma, &trust), colour], &step);
         }
         let next = model.ellipse.moved(&step);
         let moved = (next.centre - model.ellipse.centre).norm();

@@ -74,12 +74,13 @@ impl Rim {
     pub(super) fn offsets(&self, floor_px: f64) -> Offsets {
         let per_information = self.information.map(|known| if known > 1e-9 { known.recip() } else { 0.0 });
         let certain = |of: f64| if of > 0.0 { (of + floor_px * floor_px).sqrt().recip() } else { 0.0 };
-        let scaled = |of: &[f64; SECTORS]| std::array::from_fn(|k| of[k] * per_information[k]);
-        Offsets {
-            offset: scaled(&self.pull),
-            certainty: per_information.map(certain),
-            form: self.form.each_ref().map(scaled),
+        let (mut offset, mut form) = (self.pull, self.form);
+        for of in form.iter_mut().chain([&mut offset]) {
+            for (of, per_information) in of.iter_mut().zip(&per_information) {
+                *of *= per_information;
+            }
         }
+        Offsets { offset, certainty: per_information.map(certain), form }
     }
 }
 
@@ -297,8 +298,9 @@ pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
         if !(pivot > 0.0 && pivot.is_finite()) {
             return None;
         }
+        let per_pivot = pivot.recip();
         for row in column + 1..FORM {
-            let factor = normal[(row, column)] / pivot;
+            let factor = normal[(row, column)] * per_pivot;
             for to in column + 1..=row {
                 normal[(row, to)] -= factor * normal[(to, column)];
             }
