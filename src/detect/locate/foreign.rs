@@ -98,7 +98,7 @@ impl Picture {
 mod tests {
     use nalgebra::{Matrix2, Vector2};
 
-    use super::super::lanes::Lanes;
+    use super::super::lanes::{LANES, Lanes};
     use super::super::{Likeness, Seed};
     use super::*;
     use crate::frame::{Coding, Frame, Pixels};
