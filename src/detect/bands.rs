@@ -9,7 +9,6 @@ pub(super) const SAMPLES: usize = 3 * PIXELS;
 /// The bands of a block. Plain loops that write where they stand: compilers know to shuffle whole registers for these, and do it for
 /// little else (closures that make arrays take two and a half times as long).
 #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
-#[expect(clippy::needless_range_loop, reason = "this is the shape that compilers shuffle whole registers for")]
 #[inline(always)]
 pub(super) fn bands(block: &[u8; SAMPLES]) -> [[u8; PIXELS]; 3] {
     let [mut first, mut second, mut third] = [[0; PIXELS]; 3];
@@ -46,7 +45,7 @@ mod tests {
     #[test]
     fn rows_of_any_length_come_out_pixel_by_pixel() {
         for pixels in [0, 1, PIXELS - 1, PIXELS, 2 * PIXELS + 7] {
-            let row: Vec<u8> = (0..3 * pixels).map(|i| (i * 7919 >> 3).to_le_bytes()[0]).collect();
+            let row: Vec<u8> = (0..3 * pixels).map(|i| ((i * 7919) >> 3).to_le_bytes()[0]).collect();
             let mut out = vec![0; pixels];
             each_block(&row, &mut out, |block, out| {
                 let [a, b, c] = bands(block);

@@ -147,7 +147,7 @@ impl Offsets {
         for _ in 0..ROUNDS {
             let sizes = self.sizes(&form);
             // Five of the sectors are used up: the median of what is left.
-            let scatter = 1.4826 * ranked(&sizes, u32::midpoint(SECTORS as u32, FORM as u32));
+            let scatter = 1.4826 * ranked(&sizes, usize::midpoint(SECTORS, FORM));
             trust.scatter = scatter.max(LEAST_SCATTER);
             trust.of = sizes.map(|size| tukey(size / scatter.max(LEAST_SCALE), MAX_DEVIATIONS));
             let Some(next) = self.solved(&trust, base) else { return Trust::NONE };
@@ -194,7 +194,7 @@ impl Offsets {
 
     /// The largest of those but a stretch of the largest.
     fn size_of_most(&self, form: &Form) -> f64 {
-        ranked(&self.sizes(form), (SECTORS - STRETCH) as u32)
+        ranked(&self.sizes(form), SECTORS - STRETCH)
     }
 
     /// All sectors, as those of a small rim cannot be told from each other; but together they tell how well an ellipse fits.
@@ -254,7 +254,7 @@ const MAX_DEVIATIONS: f64 = 4.0;
 const LEAST_SCALE: f64 = 0.5;
 
 /// The value of that rank, from zero, by counting for each how many are less: of so few that is faster than moving them.
-fn ranked(values: &[f64; SECTORS], rank: u32) -> f64 {
+fn ranked(values: &[f64; SECTORS], rank: usize) -> f64 {
     let values = values.map(single);
     f64::from(dispatch!(*MACHINE, simd => ranked_by(simd, &values, rank as f32)))
 }
@@ -272,7 +272,7 @@ fn ranked_by<S: Simd>(simd: S, values: &[f32; SECTORS], rank: f32) -> f32 {
     }
     // The largest that no more than `rank` are less than.
     let within = less.iter().zip(&lanes).map(|(less, values)| less.simd_le(rank).select(*values, zero));
-    within.fold(zero, |most, values| most.max(values)).reduce_max()
+    within.fold(zero, SimdBase::max).reduce_max()
 }
 
 /// In four lanes.
