@@ -11,6 +11,7 @@ pub mod color;
 pub mod components;
 pub mod edge;
 pub mod gray;
+mod ground;
 pub mod locate;
 pub mod luma;
 pub mod median;

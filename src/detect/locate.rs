@@ -8,7 +8,6 @@
 mod ellipse;
 mod fit;
 mod foreign;
-mod ground;
 mod lanes;
 mod light;
 mod mixture;

@@ -21,6 +21,7 @@ pub mod change;
 pub mod finder;
 pub mod kind;
 pub mod level;
+mod measure;
 pub mod outline;
 pub mod scene_change;
 pub mod score;
@@ -33,6 +34,8 @@ mod tests;
 
 use super::{Centroid, Detection, in_frame, luma};
 use crate::frame::{Frame, Region};
+use level::Level;
+use measure::{Measured, measure};
 use track::Track;
 
 pub use watch::{Beginning, Stamp, Watch};
@@ -78,8 +81,10 @@ impl Watch {
             .iter()
             // What is not seen in this frame is not reported in it.
             .filter(|track| track.misses == 0)
-            .map(|track| centroid(track, region))
-            .filter(|centroid| centroid.score >= options.min_score && centroid.area_px >= options.min_area_px)
+            .map(|track| (track, score::probability(track)))
+            .filter(|(_, score)| *score >= options.min_score)
+            .map(|(track, score)| centroid(track, score, self.levels(), region))
+            .filter(|centroid| centroid.area_px >= options.min_area_px)
             .collect();
         centroids.sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
         centroids.truncate(options.max_centroids);
@@ -87,17 +92,20 @@ impl Watch {
     }
 }
 
-fn centroid(track: &Track, region: Region) -> Centroid {
+fn centroid(track: &Track, score: f64, levels: &[Level], region: Region) -> Centroid {
     let seen = &track.seen;
+    let rough =
+        || Measured { place: seen.place, sigma_px: track::spread_px(seen), area_px: seen.area_px, bounds: seen.bounds };
+    let measured = measure(levels, seen).unwrap_or_else(rough);
     let within = |along: f64, side: u32| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the region")]
         let along = along.clamp(0.0, f64::from(side)).round() as u32;
         along
     };
     // The place is that of its light, the bounds those of its outline, which may miss a faint part of it.
-    let place = [(seen.place[0], region.width), (seen.place[1], region.height)]
+    let place = [(measured.place[0], region.width), (measured.place[1], region.height)]
         .map(|(along, side)| along.clamp(-0.5, f64::from(side) - 0.5));
-    let [left, top, right, bottom] = seen.bounds;
+    let [left, top, right, bottom] = measured.bounds;
     let (left, top) = (left.min((place[0] + 0.5).floor()), top.min((place[1] + 0.5).floor()));
     let (right, bottom) = (right.max((place[0] + 0.5).ceil()), bottom.max((place[1] + 0.5).ceil()));
     let (x, y) = (within(left, region.width - 1), within(top, region.height - 1));
@@ -107,11 +115,10 @@ fn centroid(track: &Track, region: Region) -> Centroid {
         width: within(right, region.width).saturating_sub(x).max(1),
         height: within(bottom, region.height).saturating_sub(y).max(1),
     };
-    let score = score::probability(track);
     Centroid {
         pixel: in_frame(region, place[0], place[1]),
-        sigma_px: track::spread_px(seen),
-        area_px: seen.area_px,
+        sigma_px: measured.sigma_px,
+        area_px: measured.area_px,
         bounds,
         score,
         // What rather does not fly is neither.

@@ -6,9 +6,9 @@
 
 use nalgebra::Vector2;
 
-use super::ground::middle;
 use super::{Located, Seed};
 use crate::detect::components::{Components, Connectivity, Run, area, bounds};
+use crate::detect::ground::middle;
 use crate::detect::luma;
 use crate::frame::{Frame, Region};
 

@@ -4,11 +4,11 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x8};
 use nalgebra::{Matrix2, Vector2};
 
-use super::ground::{median, middle, shortest_half, slope};
 use super::lanes::{LANES, Lanes, MACHINE};
 use super::pass::{Light, Model};
 use super::rim::{GROUPS, SECTORS, seat};
 use super::{Likeness, MAX_REACH_PX, Seed};
+use crate::detect::ground::{Sample, median, middle, shortest_half, slope};
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
 /// A sample of one channel in each of eight sectors.
@@ -88,13 +88,6 @@ const LOST_BY_CODING: f64 = 5.0;
 
 /// Steps of height below which there is nothing that could be drawn worse.
 const LEAST_CLARITY: f64 = 0.3;
-
-#[derive(Clone, Copy)]
-pub(super) struct Sample {
-    pub x: f32,
-    pub y: f32,
-    pub value: f32,
-}
 
 /// Where a sample lies.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -165,6 +165,11 @@ impl Watch {
         self.bank.tracks()
     }
 
+    /// The last frame's pyramid.
+    pub(super) fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+
     /// The camera's motion since the frame before.
     #[must_use]
     pub const fn camera_motion(&self) -> CameraMotion {

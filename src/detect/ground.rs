@@ -2,7 +2,13 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::patch::{Sample, single};
+/// What a pixel is, and where.
+#[derive(Clone, Copy)]
+pub(super) struct Sample {
+    pub x: f32,
+    pub y: f32,
+    pub value: f32,
+}
 
 /// Ground of chroma is levelled by so many samples at least, and what is beyond so many deviations is none of it.
 const MIN_LEVELLED: usize = 12;
@@ -10,6 +16,11 @@ const LEVEL_DEVIATIONS: f64 = 4.0;
 
 /// What eight bits leave.
 const STEP_NOISE: f64 = 0.3;
+
+#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
+const fn single(value: f64) -> f32 {
+    value as f32
+}
 
 /// Middle of the shortest stretch that holds half of the values, and the deviation that it tells: what the ground is, also where much of
 /// what is seen beyond the rim is none.
