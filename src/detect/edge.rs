@@ -79,6 +79,11 @@ impl Default for EdgeOptions {
 /// What remains of a silhouette's uncertainty when it is large: its edge is blurred by the median, and light falls from a side.
 const FLOOR_SIGMA_PX: f64 = 0.3;
 
+/// What the middle of an outline is beside that of the thing, of its size: it is no mean of what it surrounds, and parts of it are not seen. Fitted
+/// to rendered aircraft of 2 to 60 px, some in patches of all grays: the mean square of errors over sigma is 1.2 with the seed's numbers and
+/// 1.7 with the defaults, in nine of ten cases far less, and far more where half of a thing is as bright as the sky.
+const OUTLINE_SHARE: f64 = 0.05;
+
 /// What is in `region`, the largest first. Edges do not tell what they belong to, so every score is 1.
 #[must_use]
 pub fn detect(frame: &Frame, region: Region, options: &EdgeOptions) -> Detection {
@@ -107,9 +112,11 @@ fn centroid(blob: &Blob, region: Region, window: Window) -> Centroid {
     let (x, y) = blob.mean_position();
     let area_px = blob.area_px();
     let shift_px = if window.columns().is_multiple_of(2) || window.rows().is_multiple_of(2) { 0.5 } else { 0.0 };
+    let size_px = f64::from(blob.bounds.width * blob.bounds.height).sqrt();
+    let parts = [outline_sigma_px(area_px), FLOOR_SIGMA_PX, shift_px, OUTLINE_SHARE * size_px];
     Centroid {
         pixel: in_frame(region, x, y),
-        sigma_px: outline_sigma_px(area_px).hypot(FLOOR_SIGMA_PX).hypot(shift_px),
+        sigma_px: parts.into_iter().fold(0.0, f64::hypot),
         area_px,
         bounds: bounds_in_frame(region, blob.bounds),
         score: 1.0,
