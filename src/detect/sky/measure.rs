@@ -32,9 +32,9 @@ const BLUR: usize = 2;
 const LONGEST: f64 = 64.0;
 /// Deviations of the sky's noise by which a pixel of the thing deviates at least, and the part of what the farthest pixel deviates.
 const LEAST_DEVIATIONS: f32 = 5.0;
-const LEAST_SHARE: f32 = 0.25;
+const LEAST_SHARE: f32 = 0.08;
 /// What hangs together belongs to it if it is as large as this part of its largest part.
-const LEAST_PART: f64 = 0.1;
+const LEAST_PART: f64 = 0.03;
 /// Samples of the sky at least and, about, at most, and the least noise that is believed, gray levels.
 const LEAST_SKY: usize = 24;
 const ENOUGH_SKY: usize = 400;
