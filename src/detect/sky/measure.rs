@@ -7,7 +7,7 @@ use super::candidate::Candidate;
 use super::level::{Level, STEPS};
 use super::single;
 use crate::detect::components::{Components, Connectivity, Run, area, bounds};
-use crate::detect::ground::{Sample, median, shortest_half, slope};
+use crate::detect::ground::{Sample, shortest_half, slope};
 use crate::frame::Region;
 
 /// The silhouette of a thing.
@@ -163,10 +163,11 @@ impl Patch {
         if reaches.iter().zip(self.goes_on).any(|(reaches, goes_on)| *reaches && goes_on) {
             return None;
         }
-        // Half of its pixels deviate by so much; a pixel of the rim counts by its part of that.
+        // A quarter of its pixels deviate by more; the others are rim, each counting by its part of that, or in the shade.
         let runs = || parts().flat_map(|part| part.iter());
         let mut sizes: Vec<f32> = runs().flat_map(|run| (run.start..run.end).map(|x| self.size(x, run.y))).collect();
-        let height = if sizes.len() < ALL_RIM { most } else { median(&mut sizes)? };
+        let rank = sizes.len() / 4 * 3;
+        let height = if sizes.len() < ALL_RIM { most } else { *sizes.select_nth_unstable_by(rank, f32::total_cmp).1 };
         let [mut middle, mut of_light, mut of_mask] = [Middle::default(); 3];
         let (mut squares, mut pixels) = (0.0, 0.0);
         for (x, y) in self.rim_and_all(runs()) {
@@ -295,7 +296,8 @@ mod tests {
             assert!((found.area_px / area - 1.0).abs() < 0.2, "{index}: {found:?}");
             let [left, top, right, bottom] = found.bounds;
             let off = [left - x, top - (y - 8.0), right - (x + 26.0), bottom - (y + 12.0)];
-            assert!(off.iter().all(|off| off.abs() < 2.0), "{index}: {off:?}");
+            // What is seen of its rim through blur is a pixel or two more.
+            assert!(off.iter().all(|off| off.abs() < 2.5), "{index}: {off:?}");
         }
     }
 
