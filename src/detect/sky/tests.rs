@@ -253,7 +253,7 @@ fn what_rather_does_not_fly_has_no_class() {
         let cues = Cues { contrast_ln: 3.5, moving_ln: 1.5, size_ln: 1.5, goes_on, ..Cues::default() };
         let mut track = Track::start(1, Candidate { cues, area_px: 200.0, ..Candidate::default() });
         (track.hits, track.flicker) = (100, 4.0);
-        let score = super::score::probability(&track);
+        let score = score::probability(&track);
         let seen = centroid(&track, score, &[], Region { x: 0, y: 0, width: 160, height: 128 });
         (seen.score > 0.5, seen.class)
     };
