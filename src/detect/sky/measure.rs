@@ -166,8 +166,8 @@ impl Patch {
         // A quarter of its pixels deviate by more; the others are rim, each counting by its part of that, or in the shade.
         let runs = || parts().flat_map(|part| part.iter());
         let mut sizes: Vec<f32> = runs().flat_map(|run| (run.start..run.end).map(|x| self.size(x, run.y))).collect();
-        let rank = sizes.len() / 4 * 3;
-        let height = if sizes.len() < ALL_RIM { most } else { *sizes.select_nth_unstable_by(rank, f32::total_cmp).1 };
+        let rank = if sizes.len() < ALL_RIM { sizes.len() - 1 } else { sizes.len() / 4 * 3 };
+        let height = *sizes.select_nth_unstable_by(rank, f32::total_cmp).1;
         let [mut middle, mut of_light, mut of_mask] = [Middle::default(); 3];
         let (mut squares, mut pixels) = (0.0, 0.0);
         for (x, y) in self.rim_and_all(runs()) {
