@@ -1,5 +1,6 @@
 //! What lies around a blob: its level, its noise, and how its hue slopes, whatever else is seen on it.
 
+use super::single;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// What a pixel is, and where.
@@ -16,11 +17,6 @@ const LEVEL_DEVIATIONS: f64 = 4.0;
 
 /// What eight bits leave.
 const STEP_NOISE: f64 = 0.3;
-
-#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
-const fn single(value: f64) -> f32 {
-    value as f32
-}
 
 /// Middle of the shortest stretch that holds half of the values, and the deviation that it tells: what the ground is, also where much of
 /// what is seen beyond the rim is none.

@@ -6,7 +6,7 @@
 //! them, and single peaks where there is no quiet, or quiet on one side only ([`finder`], [`outline`]). In a sequence also the camera's
 //! own motion ([`camera_motion`]) and what moves against it ([`change`]); candidates become tracks at the sequence's full rate ([`track`],
 //! [`bank`]); what their late frames told, and what else is in the frame, makes a probability ([`score`]) and, where shape and motion
-//! allow, a class ([`kind`]). [`Watch`] is all of it, frame by frame.
+//! allow, a class ([`kind`]). What is reported is looked at once more, for its silhouette (`measure`). [`Watch`] is all of it, frame by frame.
 //!
 //! Contrast over local clutter is the cell-averaging detector of radar (Finn and Johnson, RCA Review 1968) on differences of Gaussians;
 //! confirming small targets by motion against a compensated background follows Reed, Gagliardi and Stotts, "Optical moving target
@@ -32,7 +32,7 @@ pub mod watch;
 #[cfg(test)]
 mod tests;
 
-use super::{Centroid, Detection, in_frame, luma};
+use super::{Centroid, Detection, in_frame, luma, single};
 use crate::frame::{Frame, Region};
 use level::Level;
 use measure::{Measured, measure};
@@ -125,12 +125,6 @@ fn centroid(track: &Track, score: f64, levels: &[Level], region: Region) -> Cent
         class: kind::class(track).filter(|_| score >= kind::LEAST_SCORE),
         track_id: Some(track.id),
     }
-}
-
-/// In single precision.
-#[expect(clippy::cast_possible_truncation, reason = "what is lost is far below a pixel or a gray level")]
-const fn single(number: f64) -> f32 {
-    number as f32
 }
 
 /// Rounded down; 0 for what is below.

@@ -8,6 +8,8 @@ use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
 use nalgebra::Vector2;
 
+use crate::detect::single;
+
 /// Of ITU-R BT.601.
 pub(super) const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
 
@@ -98,11 +100,6 @@ impl Mixture {
 pub(super) fn chroma_weights(hue: &Vector2<f64>) -> [f64; 3] {
     let (cb, cr) = (hue.x / 1.772, hue.y / 1.402);
     std::array::from_fn(|i| cb * (f64::from(u8::from(i == 2)) - LUMA[i]) + cr * (f64::from(u8::from(i == 0)) - LUMA[i]))
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
-const fn single(value: f64) -> f32 {
-    value as f32
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use super::lanes::{Lanes, MACHINE, logistic_fall, sum};
 use super::mixture::Mixtures;
 use super::patch::{Channel, Patch};
 use super::rim::{GROUPS, Rim, Trust, sectors};
+use crate::detect::single;
 
 /// How an ellipse is lit: what the pixels' light is within it and around it.
 #[derive(Clone, Copy, Debug)]
@@ -414,9 +415,4 @@ const CUT: f32 = 3.0;
 /// Where they are cut at three deviations, the mean square of a normal variable is 0.97 of its variance.
 fn deviation<S: Simd>(squares: f32x8<S>, count: f32x8<S>) -> f64 {
     (sum(squares) / (0.97 * sum(count).max(1.0))).sqrt()
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
-const fn single(value: f64) -> f32 {
-    value as f32
 }

@@ -9,6 +9,7 @@ use super::pass::{Light, Model};
 use super::rim::{GROUPS, SECTORS, seat};
 use super::{Likeness, MAX_REACH_PX, Seed};
 use crate::detect::ground::{Sample, median, middle, shortest_half, slope};
+use crate::detect::single;
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
 /// A sample of one channel in each of eight sectors.
@@ -356,11 +357,6 @@ impl Octet {
         (self.x.0[lane], self.y.0[lane], self.value.0[lane]) = (sample.x, sample.y, sample.value);
         (self.there.0[lane], self.free.0[lane]) = (1.0, 1.0);
     }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for what eight bits say")]
-pub(super) const fn single(value: f64) -> f32 {
-    value as f32
 }
 
 struct Reader<'a> {

@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::ellipse::FORM;
 use super::lanes::{LANES, MACHINE};
-use super::patch::single;
+use crate::detect::single;
 
 /// Sectors of the rim.
 pub(super) const SECTORS: usize = 24;

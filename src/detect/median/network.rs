@@ -6,7 +6,7 @@
 //! ACM Transactions on Graphics 2021, has the idea; merges are K. Batcher's, 1968.
 //!
 //! The network is planned for the window when it is asked for: what was built is cut down to what the median needs, equal steps
-//! are made once, and every value gets a place in a buffer that stays in the fastest cache.
+//! are made once, and every value gets a place in a buffer that is used for each stretch anew.
 
 use std::cell::Cell;
 use std::collections::HashMap;

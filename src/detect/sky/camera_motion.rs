@@ -9,7 +9,7 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::cells::Cells;
 use super::level::Level;
-use super::single;
+use crate::detect::single;
 
 /// `x' = x + t_x + zoom x - turn y`, `y' = y + t_y + turn x + zoom y`, in px of the frame from its middle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -5,9 +5,9 @@
 
 use super::candidate::Candidate;
 use super::level::{Level, STEPS};
-use super::single;
 use crate::detect::components::{Components, Connectivity, Run, area, bounds};
 use crate::detect::ground::{Sample, shortest_half, slope};
+use crate::detect::single;
 use crate::frame::Region;
 
 /// The silhouette of a thing.

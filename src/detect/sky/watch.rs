@@ -56,7 +56,8 @@ impl Beginning {
     }
 }
 
-/// What is in the sky, frame by frame. It keeps its memory: in steady state a frame takes none.
+/// What is in the sky, frame by frame. It keeps its memory: in steady state a frame takes none but for what is
+/// reported of it.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
     size: [usize; 2],
