@@ -50,7 +50,7 @@ pub fn find(frame: &Frame, board: &Board) -> Result<Vec<SeenPoint>, NoBoard> {
         Pattern::Chessboard(chessboard) => chessboard::find(&picture, chessboard),
         Pattern::Circles(circles) => circles::find(&picture, circles),
         Pattern::Dots(dots) => dots::find(&picture, dots),
-        Pattern::AprilGrid(grid) => aprilgrid::find(&picture, grid),
+        Pattern::AprilGrid(grid) => aprilgrid::find(&picture, board, grid),
     }
 }
 

@@ -14,13 +14,13 @@ mod plane;
 mod quads;
 mod tag;
 
-use self::bends::Node;
+use self::bends::Bends;
 use self::crossing::{Fit, Start};
 use self::lattice::Seen;
 use self::plane::Plane;
 use self::tag::Tag;
 use super::{Luma, NoBoard};
-use crate::board::AprilGrid;
+use crate::board::{AprilGrid, Board};
 use crate::calibrate::SeenPoint;
 
 /// Blurs under which corners are looked for, px: the first finds what is sharp, the second small tags, the third what is out of
@@ -33,8 +33,11 @@ const MIN_TAGS: usize = 2;
 /// What no model knows: aliasing, the sensor's mosaic, JPEG; px.
 const FLOOR_PX: f64 = 0.006;
 
+/// How far an edge is looked at from its corner, sides of a tag.
+const BEND_OVER: f64 = 0.2;
+
 /// The corners of the tags that are seen.
-pub(super) fn find(picture: &Luma, grid: &AprilGrid) -> Result<Vec<SeenPoint>, NoBoard> {
+pub(super) fn find(picture: &Luma, board: &Board, grid: &AprilGrid) -> Result<Vec<SeenPoint>, NoBoard> {
     let raw = Plane::of(picture);
     let all = (grid.columns * grid.rows) as usize;
     let mut best: Vec<Tag> = Vec::new();
@@ -68,7 +71,7 @@ pub(super) fn find(picture: &Luma, grid: &AprilGrid) -> Result<Vec<SeenPoint>, N
             break;
         }
     }
-    let points = settled(&raw, &best, grid);
+    let points = settled(&raw, &best, board, grid);
     if best.len() < MIN_TAGS || points.len() < 4 {
         return Err(NoBoard::NotSeen { pattern: "board of tags", found: points.len(), need: 4 * all });
     }
@@ -76,22 +79,23 @@ pub(super) fn find(picture: &Luma, grid: &AprilGrid) -> Result<Vec<SeenPoint>, N
 }
 
 /// The corners where the picture has them exactly.
-fn settled(raw: &Plane, tags: &[Tag], grid: &AprilGrid) -> Vec<SeenPoint> {
-    let mut straight: Vec<(Node, usize, Start)> = Vec::with_capacity(4 * tags.len());
+fn settled(raw: &Plane, tags: &[Tag], board: &Board, grid: &AprilGrid) -> Vec<SeenPoint> {
+    let mut straight: Vec<(usize, Start)> = Vec::with_capacity(4 * tags.len());
     for tag in tags {
         for corner in 0..4 {
-            let point = 4 * tag.number + corner;
             let Some(start) = tag.start(corner, grid) else { continue };
             if let Some(fit) = crossing::fit(raw, &start) {
-                straight.push((Node::of(point, fit.place, grid), point, Start { place: fit.place, ..start }));
+                straight.push((4 * tag.number + corner, Start { place: fit.place, ..start }));
             }
         }
     }
     // Bent edges move neighbouring corners alike, so that the lines through them bend as they do in truth.
-    let nodes: Vec<Node> = straight.iter().map(|(node, ..)| *node).collect();
+    let seen: Vec<_> = straight.iter().map(|(point, start)| (*point, start.place)).collect();
+    let bends = Bends::of(board, &seen, [raw.width, raw.height]);
     let mut fits: Vec<(usize, Fit)> = Vec::with_capacity(straight.len());
-    for (node, point, start) in &straight {
-        let bent = Start { bends_per_px: bends::bends_per_px(node, &nodes), ..*start };
+    for (point, start) in &straight {
+        let at = |bends: &Bends| bends.per_px(&board.points()[*point], BEND_OVER * grid.tag_m);
+        let bent = Start { bends_per_px: bends.as_ref().map_or(start.bends_per_px, at), ..*start };
         if let Some(fit) = crossing::fit(raw, &bent) {
             fits.push((*point, fit));
         }

@@ -1,8 +1,8 @@
 //! Where exactly two edges cross: a blurred corner of four fields, fitted to the light about it.
 //!
 //! Four fields are the same turned by half a turn about their corner, whatever a gamma or an exposure does to black and white. The
-//! model has that symmetry, so that none of these moves its corner. Bent edges have it not: how much a lens bends them is told by the
-//! other corners of the board.
+//! model has that symmetry, so that none of these moves its corner. Bent edges have it not: how much a lens bends them is told by all
+//! corners of the board.
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
