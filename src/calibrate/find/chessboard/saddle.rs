@@ -62,6 +62,8 @@ pub(super) struct Saddle {
     pub place: Vector2<f64>,
     /// Standard deviation per axis, from what the fit leaves over.
     pub sigma_px: f64,
+    /// Length of the shorter edge in the window, px.
+    pub edge_px: f64,
     /// The light.
     pub light: Light,
     /// What the fit leaves over, one standard deviation, as a share of white less black.
@@ -106,9 +108,9 @@ const CURVE: f64 = 0.4;
 const MIN_BLUR_PX: f64 = 0.25;
 const MAX_BLUR: f64 = 0.45;
 
-/// What a lens too sharp for its pixels hides of an edge between them: px on an edge of one px, less on longer ones and for wider blur.
-const ALIASING_PX: f64 = 0.085;
-const ALIASED_BLUR_PX: f64 = 0.8;
+/// Of what a fit leaves over more lies where the picture is black, or white, than on the edges that tell the place: there the variance is this
+/// share of the mean.
+const QUIET: f64 = 0.85;
 
 /// The picture's codes are whole numbers.
 const ROUNDING: f64 = 0.29;
@@ -161,10 +163,10 @@ pub(super) fn fit(plane: &Plane<'_>, start: &Start, settled: &Settled) -> Option
     let blurs_px = [(widths[0], at[2]), (widths[1], at[4])]
         .map(|(width, sharpness)| width / (std::f64::consts::SQRT_2 * sharpness.abs()));
     let light = Light { half: at[6], mean: Some(at[7]), slopes: [at[8], at[9]], curve: at[10], blurs_px };
-    let aliased = (-0.5 * (light.sharpest_px() / ALIASED_BLUR_PX).powi(2)).exp();
     let saddle = Saddle {
         place: window.middle + start.axes * place,
-        sigma_px: (0.5 * spread.trace()).sqrt().hypot(ALIASING_PX * aliased / window.edge_px.sqrt()),
+        sigma_px: (0.5 * QUIET * spread.trace()).sqrt(),
+        edge_px: window.edge_px,
         light,
         noise: 0.5 * variance.sqrt() / light.half.abs(),
     };
