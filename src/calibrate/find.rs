@@ -14,7 +14,7 @@ use thiserror::Error;
 use super::SeenPoint;
 use crate::board::{Board, Pattern};
 use crate::detect::luma;
-use crate::frame::{ChromaSampling, Frame, FrameError, Pixels, Region};
+use crate::frame::{Frame, FrameError, Region};
 
 /// Least side of a picture in which a board is looked for, px.
 const MIN_SIDE_PX: u32 = 48;
@@ -24,8 +24,6 @@ struct Luma {
     width: usize,
     height: usize,
     samples: Vec<u8>,
-    /// Whether it is a picture of colours, which most sensors measure through a mosaic of filters and not at every pixel.
-    has_colours: bool,
 }
 
 impl Luma {
@@ -46,8 +44,7 @@ pub fn find(frame: &Frame, board: &Board) -> Result<Vec<SeenPoint>, NoBoard> {
     if width.min(height) < MIN_SIDE_PX {
         return Err(NoBoard::TooSmall { width, height, min: MIN_SIDE_PX });
     }
-    let has_colours = !matches!(frame.pixels(), Pixels::Luma(_)) || frame.coding().chroma == ChromaSampling::Reduced;
-    let mut picture = Luma { width: width as usize, height: height as usize, samples: Vec::new(), has_colours };
+    let mut picture = Luma { width: width as usize, height: height as usize, samples: Vec::new() };
     luma::take(frame, frame.full(), &mut picture.samples);
     match board.pattern() {
         Pattern::Chessboard(chessboard) => chessboard::find(&picture, chessboard),

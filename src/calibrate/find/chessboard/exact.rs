@@ -3,7 +3,7 @@
 use super::growth::ring_px;
 use super::lattice::{Lattice, Node};
 use super::pyramid::{Level, Pyramid};
-use super::saddle::{Light, Saddle, Settled, Start, fit};
+use super::saddle::{Light, Settled, Start, fit};
 
 /// A square's width on the level on which its corner is fitted first, px.
 const FIRST_PX: f64 = 14.0;
@@ -15,31 +15,7 @@ const FIRST_BLUR_PX: f64 = 0.9;
 const ENOUGH_BLUR_PX: f64 = 2.0;
 
 /// What no model knows: JPEG, lenses that bend more than once within a square; px of the level of the fit.
-const FLOOR_PX: f64 = 0.005;
-
-/// What a lens too sharp for its pixels hides of an edge between them: px on an edge of one px, less on longer ones.
-struct Aliasing {
-    edge_px: f64,
-    /// It falls with the blur of the edge as a Gaussian of this does.
-    blur_px: f64,
-}
-
-/// Where every pixel measures all light. Both are fitted to 40,000 corners of rendered pictures, of blurs from 0.3 to 1.4 px.
-const GRAY: Aliasing = Aliasing { edge_px: 0.12, blur_px: 0.57 };
-
-/// Where colours are filled in from neighbours, which is another blur, and hides some at any.
-const MOSAIC: Aliasing = Aliasing { edge_px: 0.05, blur_px: 1.1 };
-
-impl Aliasing {
-    const fn of(pyramid: &Pyramid<'_>) -> Self {
-        if pyramid.has_colours { MOSAIC } else { GRAY }
-    }
-
-    fn sigma_px(&self, fit: &Saddle) -> f64 {
-        let fall = fit.light.sharpest_px() / self.blur_px;
-        self.edge_px * (-0.5 * fall * fall).exp() / fit.edge_px.sqrt()
-    }
-}
+const FLOOR_PX: f64 = 0.003;
 
 /// A corner whose fit leaves over more than this share of its contrast is covered or none.
 const MAX_NOISE: f64 = 0.22;
@@ -56,19 +32,18 @@ const MAX_SIGMA_PX: f64 = 1.0;
 
 /// Moves every node to where its corner is, and gives the deviation of each, px; nodes that have none are taken away.
 pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid<'_>) -> Vec<f64> {
-    let aliasing = Aliasing::of(pyramid);
     let first = fitted(lattice, |node| {
         let width = width_px(lattice, node)?;
         let level = pyramid.level_with(width, FIRST_PX);
         let half = 0.5 * node.contrast * if (node.cell[0] + node.cell[1]) % 2 == 0 { -1.0 } else { 1.0 };
         let light = Light::expected(half, FIRST_BLUR_PX * level.scale);
-        fit_of(lattice, node, level, &light, &Settled::ROUGHLY, &aliasing)
+        fit_of(lattice, node, level, &light, &Settled::ROUGHLY)
     });
     let first = replace(lattice, first);
     let second = fitted(lattice, |node| {
         let light = &first[lattice.index(node.cell)?].light;
         let level = pyramid.level_with(light.sharpest_px(), ENOUGH_BLUR_PX);
-        fit_of(lattice, node, level, light, &Settled::FULLY, &aliasing).filter(|fit| fit.sigma_px < MAX_SIGMA_PX)
+        fit_of(lattice, node, level, light, &Settled::FULLY).filter(|fit| fit.sigma_px < MAX_SIGMA_PX)
     });
     replace(lattice, second).iter().map(|fit| fit.sigma_px).collect()
 }
@@ -105,14 +80,7 @@ fn width_px(lattice: &Lattice, node: &Node) -> Option<f64> {
 }
 
 /// The fit on this level, `light` with its blur in px of the picture.
-fn fit_of(
-    lattice: &Lattice,
-    node: &Node,
-    level: &Level<'_>,
-    light: &Light,
-    settled: &Settled,
-    aliasing: &Aliasing,
-) -> Option<Fit> {
+fn fit_of(lattice: &Lattice, node: &Node, level: &Level<'_>, light: &Light, settled: &Settled) -> Option<Fit> {
     let start = Start {
         place: level.of_picture(&node.pixel),
         axes: lattice.axes(node.cell)? / level.scale,
@@ -123,7 +91,7 @@ fn fit_of(
     let pixel = level.to_picture(&saddle.place);
     let is_corner = saddle.noise < MAX_NOISE && (pixel - node.pixel).norm() < MAX_MOVE * width_px(lattice, node)?;
     let node = Node { pixel, contrast: 2.0 * saddle.light.half.abs(), ..*node };
-    let sigma_px = saddle.sigma_px.hypot(aliasing.sigma_px(&saddle)).hypot(FLOOR_PX) * level.scale;
+    let sigma_px = saddle.sigma_px.hypot(FLOOR_PX) * level.scale;
     let light = saddle.light.scaled(level.scale.recip());
     is_corner.then_some(Fit { node, noise: saddle.noise, sigma_px, light })
 }

@@ -27,8 +27,6 @@ pub(super) struct Level<'a> {
 /// The picture, its half, its quarter, and so on.
 pub(super) struct Pyramid<'a> {
     pub levels: Vec<Level<'a>>,
-    /// Whether the picture is one of colours.
-    pub has_colours: bool,
 }
 
 /// Least side of a level, px.
@@ -42,7 +40,7 @@ impl<'a> Pyramid<'a> {
             let next = Level::of(last.plane.halved(), 2.0 * last.scale);
             levels.push(next);
         }
-        Self { levels, has_colours: picture.has_colours }
+        Self { levels }
     }
 
     /// The coarsest level on which a length in the picture still has `need_px`; the full size where none does.
@@ -172,7 +170,7 @@ mod tests {
     fn a_slope_stays_where_it_is_at_every_size() {
         let (width, height) = (200_usize, 150_usize);
         let samples = (0..height).flat_map(|y| (0..width).map(move |x| u8::try_from(x / 2 + y).expect("a slope")));
-        let picture = Luma { width, height, samples: samples.collect(), has_colours: false };
+        let picture = Luma { width, height, samples: samples.collect() };
         let pyramid = Pyramid::of(&picture);
         assert_eq!(pyramid.levels.len(), 2);
         let twice = Level::of(pyramid.levels[0].plane.doubled(), 0.5);

@@ -60,10 +60,8 @@ pub(super) struct Start {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Saddle {
     pub place: Vector2<f64>,
-    /// Standard deviation per axis, from what the fit leaves over.
+    /// Standard deviation per axis, from what the fit leaves over and what sampling hides.
     pub sigma_px: f64,
-    /// Length of the shorter edge in the window, px.
-    pub edge_px: f64,
     /// The light.
     pub light: Light,
     /// What the fit leaves over, one standard deviation, as a share of white less black.
@@ -110,7 +108,14 @@ const MAX_BLUR: f64 = 0.45;
 
 /// Of what a fit leaves over more lies where the picture is black, or white, than on the edges that tell the place: there the variance is this
 /// share of the mean.
-const QUIET: f64 = 0.85;
+const QUIET: f64 = 0.6;
+
+/// An edge that runs along a row of pixels lies alike between all of them, so that what sampling does to one it does to all; one that drifts across
+/// the rows has that averaged out. What it does, px, to an edge without blur; the blur to which that falls as a Gaussian does, px; and the drift
+/// at which half of it is left, px. With [`QUIET`] fitted to 22,000 corners of rendered pictures, gray and of a mosaic, of blurs from 0.35 to 1 px.
+const SAMPLING_PX: f64 = 0.03;
+const SAMPLED_BLUR_PX: f64 = 1.15;
+const HALF_DRIFT_PX: f64 = 1.1;
 
 /// The picture's codes are whole numbers.
 const ROUNDING: f64 = 0.29;
@@ -163,10 +168,12 @@ pub(super) fn fit(plane: &Plane<'_>, start: &Start, settled: &Settled) -> Option
     let blurs_px = [(widths[0], at[2]), (widths[1], at[4])]
         .map(|(width, sharpness)| width / (std::f64::consts::SQRT_2 * sharpness.abs()));
     let light = Light { half: at[6], mean: Some(at[7]), slopes: [at[8], at[9]], curve: at[10], blurs_px };
+    let sampled = SAMPLING_PX * (-0.5 * (light.sharpest_px() / SAMPLED_BLUR_PX).powi(2)).exp();
+    let left = window.drifts_px.map(|drift| 1.0 / (1.0 + (drift / HALF_DRIFT_PX).powi(4)));
+    let of_place = 0.5 * (QUIET * spread.trace() + sampled * sampled * (left[0] + left[1]));
     let saddle = Saddle {
         place: window.middle + start.axes * place,
-        sigma_px: (0.5 * QUIET * spread.trace()).sqrt(),
-        edge_px: window.edge_px,
+        sigma_px: of_place.sqrt(),
         light,
         noise: 0.5 * variance.sqrt() / light.half.abs(),
     };
@@ -238,8 +245,8 @@ struct Window {
     lanes: Vec<Lanes>,
     middle: Vector2<f64>,
     mean: f64,
-    /// Length of the shorter edge, px.
-    edge_px: f64,
+    /// How far either edge drifts across rows or columns of pixels within the window, px.
+    drifts_px: [f64; 2],
 }
 
 impl Window {
@@ -248,7 +255,7 @@ impl Window {
         let inverse = start.axes.try_inverse()?;
         let widths = [0, 1].map(|k| start.axes.determinant().abs() / start.axes.column(k).norm());
         let halves = [0, 1].map(|k| WINDOW.min(MAX_WINDOW_PX / start.axes.column(k).norm()));
-        let edge_px = 2.0 * (halves[0] * start.axes.column(0).norm()).min(halves[1] * start.axes.column(1).norm());
+        let drifts_px = [0, 1].map(|k| 2.0 * halves[k] * start.axes.column(k).abs().min());
         let span = Vector2::new(
             start.axes[(0, 0)].abs() * halves[0] + start.axes[(0, 1)].abs() * halves[1],
             start.axes[(1, 0)].abs() * halves[0] + start.axes[(1, 1)].abs() * halves[1],
@@ -278,6 +285,6 @@ impl Window {
         let lanes = sums::window(plane, [left, top], [right, bottom], &view);
         let (total, weight) =
             lanes.iter().map(Lanes::sum).fold((0.0, 0.0), |sum, next| (sum.0 + next.0, sum.1 + next.1));
-        (weight > 0.0).then(|| Self { lanes, middle: start.place, mean: f64::from(total / weight), edge_px })
+        (weight > 0.0).then(|| Self { lanes, middle: start.place, mean: f64::from(total / weight), drifts_px })
     }
 }

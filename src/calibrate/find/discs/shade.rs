@@ -49,7 +49,7 @@ pub(super) fn dark(picture: &Luma) -> Vec<u8> {
 
 /// Through a 3 x 3 binomial: noise makes specks of what is in the middle between dark and light.
 fn softened(picture: &Luma) -> Vec<u8> {
-    let Luma { width, height, samples, .. } = picture;
+    let Luma { width, height, samples } = picture;
     let (width, height) = (*width, *height);
     let mut soft = samples.clone();
     if width < 3 {
