@@ -6,6 +6,7 @@ mod circles;
 mod discs;
 mod dots;
 mod plane;
+mod sampling;
 #[cfg(test)]
 mod views;
 

@@ -30,8 +30,8 @@ const BLURS_PX: [f64; 3] = [1.2, 0.7, 2.4];
 /// Fewer tags are no board.
 const MIN_TAGS: usize = 2;
 
-/// What no model knows: aliasing, the sensor's mosaic, JPEG; px.
-const FLOOR_PX: f64 = 0.006;
+/// What no model knows: JPEG, lenses that bend more than they do at large; px.
+const FLOOR_PX: f64 = 0.003;
 
 /// How far an edge is looked at from its corner, sides of a tag.
 const BEND_OVER: f64 = 0.2;

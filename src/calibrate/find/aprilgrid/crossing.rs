@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
+use super::super::sampling;
 use super::plane::Plane;
 use crate::camera::Pixel;
 
@@ -47,6 +48,10 @@ const MAX_NOISE: f64 = 0.15;
 /// The picture's codes are whole numbers: the deviation of their rounding.
 const ROUNDING: f64 = 0.29;
 
+/// Of what a fit leaves over more lies where the picture is black, or white, than on the edges that tell the place: there the variance is this
+/// share of the mean.
+const QUIET: f64 = 0.7;
+
 /// Blur, px: the pixel's own, and more than any corner stands.
 const BLURS_PX: [f64; 2] = [0.25, 6.0];
 
@@ -67,6 +72,8 @@ pub(super) struct Fit {
     /// Deviation of what the fit leaves over, codes.
     noise: f64,
     contrast: f64,
+    /// Variance per axis that sampling adds, px^2.
+    sampled_px2: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -142,6 +149,7 @@ pub(super) fn fit(raw: &Plane, start: &Start) -> Option<Fit> {
         columns: window.columns,
         noise,
         contrast,
+        sampled_px2: sampling::variance_px2(window.drifts_px, at[4].exp()),
     })
 }
 
@@ -161,7 +169,8 @@ impl Fit {
         }
         // Both axes; noise that is like over larger distances than are looked at must not make it nothing.
         let alone: f64 = self.pairs(0, 0).map(|(a, _)| a.by.norm_squared()).sum();
-        self.noise * (0.5 * variance.max(0.5 * alone)).sqrt()
+        let of_fit = QUIET * self.noise * self.noise * 0.5 * variance.max(0.5 * alone);
+        (of_fit + self.sampled_px2).sqrt()
     }
 
     /// Pixels of the window that lie so far apart.
@@ -268,6 +277,8 @@ struct Window {
     /// Offsets from the start, and codes; `None` for what the box about the window has besides.
     pixels: Vec<Option<(Vector2<f64>, f64)>>,
     columns: usize,
+    /// How far either edge drifts across rows or columns of pixels within the window, px.
+    drifts_px: [f64; 2],
 }
 
 struct Sums {
@@ -308,7 +319,8 @@ impl Window {
                 pixels.push(is_in.then(|| (offset, f64::from(raw.samples[y * raw.width + x]))));
             }
         }
-        let window = Self { pixels, columns: right - left + 1 };
+        let drifts_px = [0, 1].map(|k| 2.0 * halves[k] * start.axes.column(k).abs().min());
+        let window = Self { pixels, columns: right - left + 1, drifts_px };
         (window.count() >= COUNT + 4).then_some(window)
     }
 

