@@ -139,7 +139,6 @@ fn deviations_hold_for_gray_sensors_and_mosaics_sharp_and_soft() {
                 all.extend(squares(&found, &view.truth(&pose)));
             }
             let mean = all.iter().sum::<f64>() / all.len() as f64;
-            println!("{name}: {mean:.2} over {} corners", all.len());
             // Corners of a row share what sampling does to its edge, so that ten pictures tell the mean to a third.
             assert!(all.len() > 400 && (0.5..1.7).contains(&mean), "{name}: {mean}");
         }
