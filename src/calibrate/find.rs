@@ -7,6 +7,7 @@ mod discs;
 mod dots;
 mod plane;
 mod sampling;
+mod tone;
 #[cfg(test)]
 mod views;
 

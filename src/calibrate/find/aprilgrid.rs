@@ -19,6 +19,7 @@ use self::crossing::{Fit, Start};
 use self::lattice::Seen;
 use self::plane::Plane;
 use self::tag::Tag;
+use super::tone::{self, Tone};
 use super::{Luma, NoBoard};
 use crate::board::{AprilGrid, Board};
 use crate::calibrate::SeenPoint;
@@ -71,7 +72,7 @@ pub(super) fn find(picture: &Luma, board: &Board, grid: &AprilGrid) -> Result<Ve
             break;
         }
     }
-    let points = settled(&raw, &best, board, grid);
+    let points = settled(picture, &best, board, grid);
     if best.len() < MIN_TAGS || points.len() < 4 {
         return Err(NoBoard::NotSeen { pattern: "board of tags", found: points.len(), need: 4 * all });
     }
@@ -79,24 +80,28 @@ pub(super) fn find(picture: &Luma, board: &Board, grid: &AprilGrid) -> Result<Ve
 }
 
 /// The corners where the picture has them exactly.
-fn settled(raw: &Plane, tags: &[Tag], board: &Board, grid: &AprilGrid) -> Vec<SeenPoint> {
-    let mut straight: Vec<(usize, Start)> = Vec::with_capacity(4 * tags.len());
-    for tag in tags {
-        for corner in 0..4 {
-            let Some(start) = tag.start(corner, grid) else { continue };
-            if let Some(fit) = crossing::fit(raw, &start) {
-                straight.push((4 * tag.number + corner, Start { place: fit.place, ..start }));
-            }
-        }
-    }
+fn settled(picture: &Luma, tags: &[Tag], board: &Board, grid: &AprilGrid) -> Vec<SeenPoint> {
+    let planes = Tone::ALL.map(|tone| Plane::in_tone(picture, tone));
+    let straight = |plane: &Plane| -> Vec<(usize, Start, f64)> {
+        let corners = tags.iter().flat_map(|tag| (0..4).map(move |corner| (tag, corner)));
+        let fitted = corners.filter_map(|(tag, corner)| {
+            let start = tag.start(corner, grid)?;
+            let fit = crossing::fit(plane, &start)?;
+            Some((4 * tag.number + corner, Start { place: fit.place, ..start }, fit.curve))
+        });
+        fitted.collect()
+    };
+    let (tone, straight) = tone::evenest(planes.each_ref().map(straight), |(_, _, curve)| *curve);
+    let [curved, as_read] = &planes;
+    let light = if tone == Tone::Curved { curved } else { as_read };
     // Bent edges move neighbouring corners alike, so that the lines through them bend as they do in truth.
-    let seen: Vec<_> = straight.iter().map(|(point, start)| (*point, start.place)).collect();
-    let bends = Bends::of(board, &seen, [raw.width, raw.height]);
+    let seen: Vec<_> = straight.iter().map(|(point, start, _)| (*point, start.place)).collect();
+    let bends = Bends::of(board, &seen, [picture.width, picture.height]);
     let mut fits: Vec<(usize, Fit)> = Vec::with_capacity(straight.len());
-    for (point, start) in &straight {
+    for (point, start, _) in &straight {
         let at = |bends: &Bends| bends.per_px(&board.points()[*point], BEND_OVER * grid.tag_m);
         let bent = Start { bends_per_px: bends.as_ref().map_or(start.bends_per_px, at), ..*start };
-        if let Some(fit) = crossing::fit(raw, &bent) {
+        if let Some(fit) = crossing::fit(light, &bent) {
             fits.push((*point, fit));
         }
     }

@@ -48,10 +48,6 @@ const MAX_NOISE: f64 = 0.15;
 /// The picture's codes are whole numbers: the deviation of their rounding.
 const ROUNDING: f64 = 0.29;
 
-/// Of what a fit leaves over more lies where the picture is black, or white, than on the edges that tell the place: there the variance is this
-/// share of the mean.
-const QUIET: f64 = 0.7;
-
 /// Blur, px: the pixel's own, and more than any corner stands.
 const BLURS_PX: [f64; 2] = [0.25, 6.0];
 
@@ -72,6 +68,8 @@ pub(super) struct Fit {
     /// Deviation of what the fit leaves over, codes.
     noise: f64,
     contrast: f64,
+    /// By how much what is between black and white is lighter than their mean, shares of half the contrast.
+    pub curve: f64,
     /// Variance per axis that sampling adds, px^2.
     sampled_px2: f64,
 }
@@ -149,6 +147,7 @@ pub(super) fn fit(raw: &Plane, start: &Start) -> Option<Fit> {
         columns: window.columns,
         noise,
         contrast,
+        curve: -2.0 * at[7] / contrast,
         sampled_px2: sampling::variance_px2(window.drifts_px, at[4].exp()),
     })
 }
@@ -169,7 +168,7 @@ impl Fit {
         }
         // Both axes; noise that is like over larger distances than are looked at must not make it nothing.
         let alone: f64 = self.pairs(0, 0).map(|(a, _)| a.by.norm_squared()).sum();
-        let of_fit = QUIET * self.noise * self.noise * 0.5 * variance.max(0.5 * alone);
+        let of_fit = sampling::QUIET * self.noise * self.noise * 0.5 * variance.max(0.5 * alone);
         (of_fit + self.sampled_px2).sqrt()
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use super::super::Luma;
+use super::super::tone::Tone;
 
 /// Light, rows from the top.
 #[derive(Clone, Debug)]
@@ -14,7 +15,13 @@ pub(super) struct Plane {
 
 impl Plane {
     pub(super) fn of(picture: &Luma) -> Self {
-        let samples = picture.samples.iter().map(|sample| f32::from(*sample)).collect();
+        Self::in_tone(picture, Tone::Straight)
+    }
+
+    /// The light of a picture's codes.
+    pub(super) fn in_tone(picture: &Luma, tone: Tone) -> Self {
+        let lights = tone.lights();
+        let samples = picture.samples.iter().map(|code| lights[usize::from(*code)]).collect();
         Self { width: picture.width, height: picture.height, samples }
     }
 

@@ -1,5 +1,6 @@
 //! The corners of a lattice at the accuracy of the picture.
 
+use super::super::tone::{self, Tone};
 use super::growth::ring_px;
 use super::lattice::{Lattice, Node};
 use super::pyramid::{Level, Pyramid};
@@ -32,18 +33,21 @@ const MAX_SIGMA_PX: f64 = 1.0;
 
 /// Moves every node to where its corner is, and gives the deviation of each, px; nodes that have none are taken away.
 pub(super) fn settle(lattice: &mut Lattice, pyramid: &Pyramid<'_>) -> Vec<f64> {
-    let first = fitted(lattice, |node| {
-        let width = width_px(lattice, node)?;
-        let level = pyramid.level_with(width, FIRST_PX);
-        let half = 0.5 * node.contrast * if (node.cell[0] + node.cell[1]) % 2 == 0 { -1.0 } else { 1.0 };
-        let light = Light::expected(half, FIRST_BLUR_PX * level.scale);
-        fit_of(lattice, node, level, &light, &Settled::ROUGHLY)
-    });
+    let in_tone = |tone: Tone| {
+        fitted(lattice, |node| {
+            let width = width_px(lattice, node)?;
+            let level = pyramid.level_with(width, FIRST_PX);
+            let half = 0.5 * node.contrast * if (node.cell[0] + node.cell[1]) % 2 == 0 { -1.0 } else { 1.0 };
+            let light = Light::expected(half, FIRST_BLUR_PX * level.scale);
+            fit_of(lattice, node, level, &light, tone, &Settled::ROUGHLY)
+        })
+    };
+    let (tone, first) = tone::evenest(Tone::ALL.map(in_tone), |fit| fit.light.curve / fit.light.half.abs());
     let first = replace(lattice, first);
     let second = fitted(lattice, |node| {
         let light = &first[lattice.index(node.cell)?].light;
         let level = pyramid.level_with(light.sharpest_px(), ENOUGH_BLUR_PX);
-        fit_of(lattice, node, level, light, &Settled::FULLY).filter(|fit| fit.sigma_px < MAX_SIGMA_PX)
+        fit_of(lattice, node, level, light, tone, &Settled::FULLY).filter(|fit| fit.sigma_px < MAX_SIGMA_PX)
     });
     replace(lattice, second).iter().map(|fit| fit.sigma_px).collect()
 }
@@ -80,12 +84,20 @@ fn width_px(lattice: &Lattice, node: &Node) -> Option<f64> {
 }
 
 /// The fit on this level, `light` with its blur in px of the picture.
-fn fit_of(lattice: &Lattice, node: &Node, level: &Level<'_>, light: &Light, settled: &Settled) -> Option<Fit> {
+fn fit_of(
+    lattice: &Lattice,
+    node: &Node,
+    level: &Level<'_>,
+    light: &Light,
+    tone: Tone,
+    settled: &Settled,
+) -> Option<Fit> {
     let start = Start {
         place: level.of_picture(&node.pixel),
         axes: lattice.axes(node.cell)? / level.scale,
         bends: lattice.bends(node.cell).map(|bend| bend / level.scale),
         light: light.scaled(level.scale),
+        tone,
     };
     let saddle = fit(&level.plane, &start, settled)?;
     let pixel = level.to_picture(&saddle.place);

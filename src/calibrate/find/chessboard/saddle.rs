@@ -11,6 +11,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use self::sums::{COUNT, Lanes, Shape};
 use super::super::sampling;
+use super::super::tone::Tone;
 use super::pyramid::Plane;
 
 /// The light about a corner.
@@ -55,6 +56,8 @@ pub(super) struct Start {
     pub bends: [Vector2<f64>; 2],
     /// What the light is thought to be.
     pub light: Light,
+    /// How codes tell it.
+    pub tone: Tone,
 }
 
 /// What was fitted; px of the plane.
@@ -107,10 +110,6 @@ const CURVE: f64 = 0.4;
 const MIN_BLUR_PX: f64 = 0.25;
 const MAX_BLUR: f64 = 0.45;
 
-/// Of what a fit leaves over more lies where the picture is black, or white, than on the edges that tell the place: there the variance is this
-/// share of the mean.
-const QUIET: f64 = 0.6;
-
 /// The picture's codes are whole numbers.
 const ROUNDING: f64 = 0.29;
 
@@ -162,7 +161,7 @@ pub(super) fn fit(plane: &Plane<'_>, start: &Start, settled: &Settled) -> Option
     let blurs_px = [(widths[0], at[2]), (widths[1], at[4])]
         .map(|(width, sharpness)| width / (std::f64::consts::SQRT_2 * sharpness.abs()));
     let light = Light { half: at[6], mean: Some(at[7]), slopes: [at[8], at[9]], curve: at[10], blurs_px };
-    let of_fit = 0.5 * QUIET * spread.trace();
+    let of_fit = 0.5 * sampling::QUIET * spread.trace();
     let saddle = Saddle {
         place: window.middle + start.axes * place,
         sigma_px: (of_fit + sampling::variance_px2(window.drifts_px, light.sharpest_px())).sqrt(),
@@ -274,7 +273,7 @@ impl Window {
                 None => f32::INFINITY,
             }),
         };
-        let lanes = sums::window(plane, [left, top], [right, bottom], &view);
+        let lanes = sums::window(plane, [left, top], [right, bottom], &view, start.tone.lights());
         let (total, weight) =
             lanes.iter().map(Lanes::sum).fold((0.0, 0.0), |sum, next| (sum.0 + next.0, sum.1 + next.1));
         (weight > 0.0).then(|| Self { lanes, middle: start.place, mean: f64::from(total / weight), drifts_px })

@@ -31,16 +31,16 @@ type Values = [f32; LANES];
 pub(super) struct Lanes {
     s: Values,
     t: Values,
-    codes: Values,
+    lights: Values,
     weights: Values,
 }
 
 impl Lanes {
-    const EMPTY: Self = Self { s: [0.0; LANES], t: [0.0; LANES], codes: [0.0; LANES], weights: [0.0; LANES] };
+    const EMPTY: Self = Self { s: [0.0; LANES], t: [0.0; LANES], lights: [0.0; LANES], weights: [0.0; LANES] };
 
-    /// Weighted sum of codes, and of weights.
+    /// Weighted sum of light, and of weights.
     pub(super) fn sum(&self) -> (f32, f32) {
-        let sum = self.codes.iter().zip(&self.weights).map(|(code, weight)| code * weight).sum();
+        let sum = self.lights.iter().zip(&self.weights).map(|(light, weight)| light * weight).sum();
         (sum, self.weights.iter().sum())
     }
 }
@@ -74,9 +74,9 @@ impl View {
     }
 
     #[inline(always)]
-    fn lanes(&self, dx: f32, dy: f32, codes: &[u8]) -> Lanes {
+    fn lanes(&self, dx: f32, dy: f32, codes: &[u8], lights: &[f32; 256]) -> Lanes {
         let [mut s, mut t, mut values, mut weights] = [[0.0; LANES]; 4];
-        values.iter_mut().zip(codes).for_each(|(value, code)| *value = f32::from(*code));
+        values.iter_mut().zip(codes).for_each(|(value, code)| *value = lights[usize::from(*code)]);
         for k in 0..LANES {
             let dx = dx + OFFSETS[k];
             let [a, b, c, d] = self.inverse;
@@ -86,7 +86,7 @@ impl View {
             s[k] = across - self.bends[1] * down * down;
             t[k] = down - self.bends[0] * across * across;
         }
-        Lanes { s, t, codes: values, weights }
+        Lanes { s, t, lights: values, weights }
     }
 }
 
@@ -103,6 +103,7 @@ pub(super) fn window(
     [left, top]: [usize; 2],
     [right, bottom]: [usize; 2],
     view: &View,
+    lights: &[f32; 256],
 ) -> Vec<Lanes> {
     let mut window = Vec::with_capacity((bottom - top + 1) * ((right - left) / LANES + 1));
     let mut packed = Lanes::EMPTY;
@@ -117,7 +118,7 @@ pub(super) fn window(
                 dx += LANES as f32;
                 continue;
             }
-            let lanes = view.lanes(dx, dy, codes);
+            let lanes = view.lanes(dx, dy, codes, lights);
             let taken: [bool; LANES] = std::array::from_fn(|k| {
                 let is_near = (lanes.t[k].abs() < view.near[0]) | (lanes.s[k].abs() < view.near[1]);
                 lanes.weights[k] > 0.0 && (is_near | is_flat_taken)
@@ -129,7 +130,7 @@ pub(super) fn window(
                     // What is not taken is written over by the next.
                     packed.s[count] = lanes.s[k];
                     packed.t[count] = lanes.t[k];
-                    packed.codes[count] = lanes.codes[k];
+                    packed.lights[count] = lanes.lights[k];
                     packed.weights[count] = lanes.weights[k];
                     count += usize::from(taken[k]);
                     if count == LANES {
@@ -259,7 +260,7 @@ fn derivatives(lanes: &Lanes, shape: &[f32; COUNT]) -> Columns {
         columns[8][k] = root * s * shade;
         columns[9][k] = root * t * shade;
         columns[10][k] = light * between;
-        columns[11][k] = root * lanes.codes[k] - light * shade;
+        columns[11][k] = root * lanes.lights[k] - light * shade;
     }
     Columns(columns)
 }
