@@ -5,6 +5,7 @@ use rand::RngExt;
 
 use crate::board::Board;
 use crate::calibrate::SeenPoint;
+use crate::calibrate::find::tone::Tone;
 use crate::calibrate::find::{Need, NoBoard, find};
 use crate::camera::{Camera, Distortion, Pixel};
 use crate::detect::luma;
@@ -114,14 +115,14 @@ fn places_are_right_to_their_deviations() {
 }
 
 #[test]
-fn deviations_hold_for_gray_sensors_and_mosaics_sharp_and_soft() {
+fn deviations_hold_for_gray_sensors_linear_ones_and_mosaics_sharp_and_soft() {
     let mut view = View::small();
-    for (kind, bayer) in [("gray", None), ("mosaic", Optics::default().bayer)] {
+    for (kind, bayer) in [("gray", None), ("linear", None), ("mosaic", Optics::default().bayer)] {
         for blur_sigma_px in [0.35, 0.6, 1.0] {
-            view.optics = Optics { bayer, blur_sigma_px, supersampling: 16, ..view.optics };
+            view.optics = Optics { bayer, blur_sigma_px, supersampling: 10, ..view.optics };
             let name = format!("{kind} {blur_sigma_px}");
             let mut rng = random::named(&name);
-            let mut all = Vec::new();
+            let (mut all, mut errors) = (Vec::new(), 0.0);
             for number in 0..10 {
                 let axis: f64 = rng.random_range(0.0..6.0);
                 let turn =
@@ -129,18 +130,26 @@ fn deviations_hold_for_gray_sensors_and_mosaics_sharp_and_soft() {
                 let middle = [rng.random_range(-8.0..8.0), rng.random_range(-8.0..8.0)];
                 let pose = view.pose(rng.random_range(28.0..36.0), middle, turn);
                 let mut frame = view.frame(&pose, &format!("{name} {number}"));
-                if kind == "gray" {
+                if bayer.is_none() {
                     let mut luma = Vec::new();
                     luma::take(&frame, frame.full(), &mut luma);
+                    if kind == "linear" {
+                        let lights = Tone::Curved.lights();
+                        luma.iter_mut().for_each(|code| *code = lights[usize::from(*code)].round() as u8);
+                    }
                     frame = Frame::checked(frame.width(), frame.height(), Pixels::Luma(luma), Coding::LOSSLESS)
                         .expect("a frame");
                 }
                 let found = find(&frame, &view.board).unwrap_or_else(|error| panic!("{name}: {error}"));
-                all.extend(squares(&found, &view.truth(&pose)));
+                let truth = view.truth(&pose);
+                errors += rms(&found, &truth).powi(2) / 10.0;
+                all.extend(squares(&found, &truth));
             }
             let mean = all.iter().sum::<f64>() / all.len() as f64;
-            // Corners of a row share what sampling does to its edge, so that ten pictures tell the mean to a third.
-            assert!(all.len() > 400 && (0.5..1.7).contains(&mean), "{name}: {mean}");
+            // Corners of a row share what sampling does to its edge, so that ten pictures tell the mean to a third; deviations hold for edges along rows.
+            assert!(all.len() > 400 && (0.25..1.7).contains(&mean), "{name}: {mean}");
+            // In the wrong tone boards that are held square err by 0.02 px however soft they are.
+            assert!(blur_sigma_px < 0.5 || errors.sqrt() < 0.013, "{name}: {} px", errors.sqrt());
         }
     }
 }
