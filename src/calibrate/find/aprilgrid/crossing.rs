@@ -22,7 +22,7 @@ pub(super) struct Start {
     pub reach: f64,
     /// Whether the field between the two axes is black.
     pub is_black: bool,
-    /// White less black, codes.
+    /// White less black, roughly.
     pub contrast: f64,
 }
 
@@ -45,7 +45,7 @@ const MAX_MOVE_PX: f64 = 1.5;
 /// A corner whose fit leaves over more than this share of its contrast is covered or none.
 const MAX_NOISE: f64 = 0.15;
 
-/// The picture's codes are whole numbers: the deviation of their rounding.
+/// The picture's codes are whole numbers: the deviation of their rounding, and about that of the light that they tell.
 const ROUNDING: f64 = 0.29;
 
 /// Blur, px: the pixel's own, and more than any corner stands.
@@ -65,7 +65,7 @@ pub(super) struct Fit {
     window: Vec<Pull>,
     /// Columns of the window's box, by which neighbours are found.
     columns: usize,
-    /// Deviation of what the fit leaves over, codes.
+    /// Deviation of what the fit leaves over, of a white of 255.
     noise: f64,
     contrast: f64,
     /// By how much what is between black and white is lighter than their mean, shares of half the contrast.
@@ -273,7 +273,7 @@ fn step(x: f64) -> (f64, f64) {
 
 /// The pixels about a start.
 struct Window {
-    /// Offsets from the start, and codes; `None` for what the box about the window has besides.
+    /// Offsets from the start, and light; `None` for what the box about the window has besides.
     pixels: Vec<Option<(Vector2<f64>, f64)>>,
     columns: usize,
     /// How far either edge drifts across rows or columns of pixels within the window, px.

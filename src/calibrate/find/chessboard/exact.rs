@@ -102,7 +102,7 @@ fn fit_of(
     let saddle = fit(&level.plane, &start, settled)?;
     let pixel = level.to_picture(&saddle.place);
     let is_corner = saddle.noise < MAX_NOISE && (pixel - node.pixel).norm() < MAX_MOVE * width_px(lattice, node)?;
-    let node = Node { pixel, contrast: 2.0 * saddle.light.half.abs(), ..*node };
+    let node = Node { pixel, ..*node };
     let sigma_px = saddle.sigma_px.hypot(FLOOR_PX) * level.scale;
     let light = saddle.light.scaled(level.scale.recip());
     is_corner.then_some(Fit { node, noise: saddle.noise, sigma_px, light })

@@ -1,4 +1,4 @@
-//! Where exactly four squares meet: a blurred crossing of two edges, fitted to the codes about it.
+//! Where exactly four squares meet: a blurred crossing of two edges, fitted to the light about it.
 //!
 //! The picture of four squares is the same turned by half a turn about their corner, whatever a gamma, an exposure or ink that runs does to
 //! black and white: a model with that symmetry has no bias from them. Each edge has a place, a direction and a blur of its own; the
@@ -17,13 +17,13 @@ use super::pyramid::Plane;
 /// The light about a corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Light {
-    /// Half of white less black, codes; negative where the square between the two ways is black.
+    /// Half of white less black, of a white of 255; negative where the square between the two ways is black.
     pub half: f64,
-    /// Mean of black and white, codes; that of the window if it is not known.
+    /// Mean of black and white; that of the window if it is not known.
     pub mean: Option<f64>,
     /// How it changes along the two ways, shares a step.
     pub slopes: [f64; 2],
-    /// How much lighter the camera's curve makes what is between black and white, codes.
+    /// How much lighter than its tone has it the camera's curve makes what is between black and white.
     pub curve: f64,
     /// Blur across the edges along the two ways, one standard deviation.
     pub blurs_px: [f64; 2],
@@ -110,7 +110,7 @@ const CURVE: f64 = 0.4;
 const MIN_BLUR_PX: f64 = 0.25;
 const MAX_BLUR: f64 = 0.45;
 
-/// The picture's codes are whole numbers.
+/// The picture's codes are whole numbers, and so about is the light that they tell.
 const ROUNDING: f64 = 0.29;
 
 type Normal = SMatrix<f64, COUNT, COUNT>;
