@@ -1,7 +1,8 @@
 //! Where exactly four squares meet: a blurred crossing of two edges, fitted to the light about it.
 //!
 //! The picture of four squares is the same turned by half a turn about their corner, whatever a gamma, an exposure or ink that runs does to
-//! black and white: a model with that symmetry has no bias from them. Each edge has a place, a direction and a blur of its own; the
+//! black and white: a model with that symmetry has no bias from them where pixels lie about the corner in all ways. Where edges run along rows
+//! they do not, so light is fitted and not codes ([`Tone`]). Each edge has a place, a direction and a blur of its own; the
 //! lattice tells how much it bends.
 
 mod edge;
