@@ -118,7 +118,7 @@ fn places_are_right_to_their_deviations() {
 fn deviations_hold_for_gray_sensors_linear_ones_and_mosaics_sharp_and_soft() {
     let mut view = View::small();
     for (kind, bayer) in [("gray", None), ("linear", None), ("mosaic", Optics::default().bayer)] {
-        for blur_sigma_px in [0.35, 0.6, 1.0] {
+        for blur_sigma_px in [0.35, 1.0] {
             view.optics = Optics { bayer, blur_sigma_px, supersampling: 10, ..view.optics };
             let name = format!("{kind} {blur_sigma_px}");
             let mut rng = random::named(&name);
@@ -148,8 +148,8 @@ fn deviations_hold_for_gray_sensors_linear_ones_and_mosaics_sharp_and_soft() {
             let mean = all.iter().sum::<f64>() / all.len() as f64;
             // Corners of a row share what sampling does to its edge, so that ten pictures tell the mean to a third; deviations hold for edges along rows.
             assert!(all.len() > 400 && (0.25..1.7).contains(&mean), "{name}: {mean}");
-            // In the wrong tone boards that are held square err by 0.02 px however soft they are.
-            assert!(blur_sigma_px < 0.5 || errors.sqrt() < 0.013, "{name}: {} px", errors.sqrt());
+            // In the wrong tone corners of a linear sensor err by 0.008 px, those of a gray one by 0.01 px.
+            assert!(blur_sigma_px < 0.5 || errors.sqrt() < 0.007, "{name}: {} px", errors.sqrt());
         }
     }
 }
