@@ -135,7 +135,11 @@ fn deviations_hold_for_gray_sensors_linear_ones_and_mosaics_sharp_and_soft() {
                     luma::take(&frame, frame.full(), &mut luma);
                     if kind == "linear" {
                         let lights = Tone::Curved.lights();
-                        luma.iter_mut().for_each(|code| *code = lights[usize::from(*code)].round() as u8);
+                        for code in &mut luma {
+                            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+                            let light = lights[usize::from(*code)].round() as u8;
+                            *code = light;
+                        }
                     }
                     frame = Frame::checked(frame.width(), frame.height(), Pixels::Luma(luma), Coding::LOSSLESS)
                         .expect("a frame");
