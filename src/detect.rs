@@ -241,13 +241,13 @@ pub fn looked_at(region: Region, width: u32, height: u32) -> Region {
     region.grown(locate::reach_px(region.width.max(region.height)), width, height)
 }
 
-/// A position inside a region as a pixel of the whole frame.
 /// In single precision, whose seven digits are enough for what eight bits say.
 #[expect(clippy::cast_possible_truncation, reason = "what is lost is far below a pixel or a gray level")]
 const fn single(number: f64) -> f32 {
     number as f32
 }
 
+/// A position inside a region as a pixel of the whole frame.
 fn in_frame(region: Region, x: f64, y: f64) -> Pixel {
     Vector2::new(x + f64::from(region.x), y + f64::from(region.y))
 }

@@ -1,7 +1,8 @@
 //! What lies around a blob: its level, its noise, and how its hue slopes, whatever else is seen on it.
 
-use super::single;
 use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::single;
 
 /// What a pixel is, and where.
 #[derive(Clone, Copy)]

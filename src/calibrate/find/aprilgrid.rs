@@ -72,7 +72,7 @@ pub(super) fn find(picture: &Luma, board: &Board, grid: &AprilGrid) -> Result<Ve
             break;
         }
     }
-    let points = settled(picture, &best, board, grid);
+    let points = settled(picture, &raw, &best, board, grid);
     if best.len() < MIN_TAGS || points.len() < 4 {
         return Err(NoBoard::NotSeen { pattern: "board of tags", found: points.len(), need: 4 * all });
     }
@@ -80,8 +80,8 @@ pub(super) fn find(picture: &Luma, board: &Board, grid: &AprilGrid) -> Result<Ve
 }
 
 /// The corners where the picture has them exactly.
-fn settled(picture: &Luma, tags: &[Tag], board: &Board, grid: &AprilGrid) -> Vec<SeenPoint> {
-    let planes = Tone::ALL.map(|tone| Plane::in_tone(picture, tone));
+fn settled(picture: &Luma, raw: &Plane, tags: &[Tag], board: &Board, grid: &AprilGrid) -> Vec<SeenPoint> {
+    let curved = Plane::in_tone(picture, Tone::Curved);
     let straight = |plane: &Plane| -> Vec<(usize, Start, f64)> {
         let corners = tags.iter().flat_map(|tag| (0..4).map(move |corner| (tag, corner)));
         let fitted = corners.filter_map(|(tag, corner)| {
@@ -91,12 +91,11 @@ fn settled(picture: &Luma, tags: &[Tag], board: &Board, grid: &AprilGrid) -> Vec
         });
         fitted.collect()
     };
-    let (tone, straight) = tone::evenest(planes.each_ref().map(straight), |(_, _, curve)| *curve);
-    let [curved, as_read] = &planes;
-    let light = if tone == Tone::Curved { curved } else { as_read };
+    let (tone, straight) = tone::evenest([&curved, raw].map(straight), |(_, _, curve)| *curve);
+    let light = if tone == Tone::Curved { &curved } else { raw };
     // Bent edges move neighbouring corners alike, so that the lines through them bend as they do in truth.
     let seen: Vec<_> = straight.iter().map(|(point, start, _)| (*point, start.place)).collect();
-    let bends = Bends::of(board, &seen, [picture.width, picture.height]);
+    let bends = Bends::of(board, &seen, [raw.width, raw.height]);
     let mut fits: Vec<(usize, Fit)> = Vec::with_capacity(straight.len());
     for (point, start, _) in &straight {
         let at = |bends: &Bends| bends.per_px(&board.points()[*point], BEND_OVER * grid.tag_m);

@@ -104,7 +104,7 @@ const MAX_PASSES: usize = 12;
 const SLANT: f64 = 0.08;
 const BLUR_SPREAD: f64 = 0.7;
 
-/// The gray between black and white lies off their mean by about this share of half their difference: sRGB has it at 0.4.
+/// The gray between black and white lies off their mean by about this share of half their difference, in the wrong tone: codes of sRGB have it at 0.4.
 const CURVE: f64 = 0.4;
 
 /// Blur below this is the pixel's own, px; above this share of a square no edge is left.
