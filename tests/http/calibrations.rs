@@ -68,6 +68,17 @@ async fn ended(station: &Station, place: &str) -> Value {
     panic!("it does not end: {:?}", station.get(place).await);
 }
 
+/// Waits until nothing is there any more: what came with a job is removed once its end has been told.
+pub async fn gone(path: &Path) {
+    for _ in 0..1_000 {
+        if !path.exists() {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    panic!("{} stays", path.display());
+}
+
 /// Files and folders of jobs.
 fn left(data: &Path) -> Vec<std::path::PathBuf> {
     std::fs::read_dir(data.join("jobs")).expect("a folder").map(|entry| entry.expect("an entry").path()).collect()
@@ -124,7 +135,7 @@ async fn each_picture_that_shows_no_board_is_named_with_its_reason() {
     assert_eq!((&list["calibrations"][0]["id"], list["calibrations"][0].get("result")), (&job["id"], None));
     // Its pictures are gone with its end, it itself when it is told to go.
     let folder = station.data().join("jobs").join(job["id"].as_str().expect("an id"));
-    assert!(!folder.join("uploads").exists());
+    gone(&folder.join("uploads")).await;
     assert_eq!(read(station.request(Method::DELETE, &place)).await.status, StatusCode::NO_CONTENT);
     assert!(!folder.exists());
     station.get(&place).await.assert_problem(404);
@@ -440,7 +451,7 @@ async fn a_running_calibration_is_cancelled_and_those_who_watch_are_told() {
     let (_, name, data) = told.last().expect("events");
     assert_eq!((name.as_str(), &data["status"]), ("finished", &json!("cancelled")));
     let folder = station.data().join("jobs").join(data["id"].as_str().expect("an id"));
-    assert!(!folder.join("uploads").exists());
+    gone(&folder.join("uploads")).await;
     assert!(data["progress"].as_f64() < Some(1.0) && data["finished_us"].is_i64());
     assert_eq!(read(station.request(Method::DELETE, &place)).await.status, StatusCode::NO_CONTENT);
     read(station.request(Method::DELETE, &place)).await.assert_problem(404);

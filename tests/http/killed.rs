@@ -8,7 +8,7 @@ use std::time::Duration;
 use reqwest::RequestBuilder;
 use serde_json::{Value, json};
 
-use crate::calibrations::{form, request, wall};
+use crate::calibrations::{form, gone, request, wall};
 
 const PICTURES: u64 = 7;
 
@@ -130,7 +130,7 @@ async fn a_job_whose_process_is_killed_comes_to_the_result_of_one_left_alone() {
         assert_eq!(told, 1, "picture {number}: {events}");
     }
     let left = data.path().join("jobs").join(place.rsplit('/').next().expect("an id")).join("uploads");
-    assert!(!left.exists());
+    gone(&left).await;
 }
 
 #[tokio::test]

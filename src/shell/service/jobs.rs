@@ -297,12 +297,18 @@ impl Jobs {
         Ok(())
     }
 
-    /// Removes folders that belong to no job.
+    /// Removes folders that belong to no job, and what came with one that has ended.
     async fn sweep(&self) -> Result<(), Fault> {
         let known = if self.files().stay_in_folder() { self.store().ids().await? } else { Vec::new() };
         for entry in std::fs::read_dir(self.files().folder()).map_err(StoreError::from)?.flatten() {
-            if !known.iter().any(|id| **id == *entry.file_name()) {
-                let _ = tokio::fs::remove_dir_all(entry.path()).await;
+            match known.iter().find(|id| ***id == *entry.file_name()) {
+                None => {
+                    let _ = tokio::fs::remove_dir_all(entry.path()).await;
+                }
+                Some(id) if self.store().status(id).await?.is_some_and(JobStatus::is_final) => {
+                    self.files().remove_uploads(id).await;
+                }
+                Some(_) => {}
             }
         }
         Ok(())
