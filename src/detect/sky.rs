@@ -92,10 +92,17 @@ impl Watch {
     }
 }
 
+/// What cannot be measured stands before clouds or ground, and its place is this much less sure than that of a candidate in the mean.
+const ROUGHER: f64 = 1.5;
+
 fn centroid(track: &Track, score: f64, levels: &[Level], region: Region) -> Centroid {
     let seen = &track.seen;
-    let rough =
-        || Measured { place: seen.place, sigma_px: track::spread_px(seen), area_px: seen.area_px, bounds: seen.bounds };
+    let rough = || Measured {
+        place: seen.place,
+        sigma_px: ROUGHER * track::spread_px(seen),
+        area_px: seen.area_px,
+        bounds: seen.bounds,
+    };
     let measured = measure(levels, seen).unwrap_or_else(rough);
     let within = |along: f64, side: u32| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the region")]

@@ -45,9 +45,10 @@ const ALL_RIM: usize = 12;
 const SMOOTH_NOISE: f64 = 0.375;
 /// What pixels and blur leave, px of the level.
 const FLOOR: f64 = 0.05;
-/// What light and shade do to its middle unseen, of its size, as a part that is as bright as the sky is missing; and how much more they do
-/// than is seen of them. Both are fitted to rendered aircraft, most of them in patches of all grays.
-const SHADE: f64 = 0.03;
+/// What light and shade do to its middle unseen, of its size times the part of its height that is not told from sky, to the power of 3/2: of an
+/// aircraft in patches that much may be missing, little in a clear sky and most of it among clouds. And how much more they do than is seen of
+/// them. Both are fitted to rendered aircraft, half of them in patches of all grays.
+const SHADE: f64 = 0.5;
 const MORE_THAN_SEEN: f64 = 1.5;
 
 /// `None` where it is not alone: its surroundings are no sky, or it goes on beyond them.
@@ -184,9 +185,12 @@ impl Patch {
         let spread = 0.5 * (squares / area_px - u * u - v * v).max(1.0 / 12.0);
         let noise = f64::from(self.noise / height) / SMOOTH_NOISE * f64::sqrt(pixels * spread) / area_px;
         let seen = [of_light, of_mask].map(|other| MORE_THAN_SEEN * (other.place()[0] - u).hypot(other.place()[1] - v));
+        let unseen = f64::from((limit / height).min(1.0));
         Some(Silhouette {
             place: [u + f64::from(self.window.x), v + f64::from(self.window.y)],
-            sigma_px: [noise, seen[0], seen[1], SHADE * area_px.sqrt()].into_iter().fold(FLOOR, f64::hypot),
+            sigma_px: [noise, seen[0], seen[1], SHADE * unseen.powf(1.5) * area_px.sqrt()]
+                .into_iter()
+                .fold(FLOOR, f64::hypot),
             area_px,
             bounds: [ends.x + self.window.x, ends.y + self.window.y, ends.width, ends.height],
         })
@@ -316,6 +320,25 @@ mod tests {
         assert!(shaded.sigma_px > 1.5 * even.sigma_px, "{even:?} {shaded:?}");
         let error = (shaded.place[0] - 60.0 - CROSS.0[0]).hypot(shaded.place[1] - 50.0 - CROSS.0[1]);
         assert!(error < 2.5 * shaded.sigma_px, "{error} {shaded:?}");
+    }
+
+    #[test]
+    fn what_may_be_hidden_in_the_texture_of_a_sky_widens_what_is_said_of_its_place() {
+        let mut rng = random::named("silhouettes before clouds");
+        let mut of = |fore: f64, clouds: f64| {
+            let height = |u: f64, v: f64| {
+                let cloud = clouds * ((u / 2.3).sin() * (v / 3.1).sin() + (u / 5.7 + v / 4.1).sin());
+                let cross = if u > 71.0 { fore } else { -60.0 };
+                if is_of_cross(u - 60.0, v - 50.0) { cross } else { cloud }
+            };
+            let found = measure(&levels(height, &mut rng), &seen([53.0, 38.0, 93.0, 66.0])).expect("it stands alone");
+            let error = (found.place[0] - 60.0 - CROSS.0[0]).hypot(found.place[1] - 50.0 - CROSS.0[1]);
+            assert!(error < 2.5 * found.sigma_px, "{error} px: {found:?}");
+            found.sigma_px
+        };
+        // Of a fore part that hardly deviates there is nothing to be seen before clouds.
+        let (clear, cloudy, hidden) = (of(-60.0, 0.0), of(-60.0, 6.0), of(-8.0, 6.0));
+        assert!(cloudy > 2.0 * clear && hidden > 2.0 * clear, "{clear} {cloudy} {hidden} px");
     }
 
     #[test]
