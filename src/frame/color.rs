@@ -1,4 +1,4 @@
-//! Conversions between colour spaces, full range BT.601 as in JFIF.
+//! Conversions between colour spaces, full range BT.601 as in JFIF, and between codes and light, the curve of sRGB.
 
 /// Interleaved `YCbCr` to interleaved RGB, rounded to nearest.
 #[must_use]
@@ -36,6 +36,18 @@ pub fn ycbcr_of_rgb([r, g, b]: [u8; 3]) -> [u8; 3] {
     ]
 }
 
+/// The light of a code, both from 0 to 1 (IEC 61966-2-1).
+#[must_use]
+pub fn light_of_srgb(code: f32) -> f32 {
+    if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The code of light, both from 0 to 1 (IEC 61966-2-1).
+#[must_use]
+pub fn srgb_of_light(light: f32) -> f32 {
+    if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
+}
+
 #[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 fn clamp(value: i32) -> u8 {
     value.clamp(0, 255) as u8
@@ -47,7 +59,19 @@ mod tests {
 
     use super::*;
 
+    #[test]
+    fn middle_gray_is_a_fifth_of_the_light_and_half_of_it_has_the_code_of_the_standard() {
+        assert!((light_of_srgb(118.0 / 255.0) - 0.18).abs() < 2e-3);
+        assert!((srgb_of_light(0.5) - 0.735_36).abs() < 1e-4);
+        assert!(light_of_srgb(0.0) == 0.0 && (light_of_srgb(1.0) - 1.0).abs() < 1e-6);
+    }
+
     proptest! {
+        #[test]
+        fn a_code_comes_back_from_its_light(code in 0.0_f32..=1.0) {
+            prop_assert!((srgb_of_light(light_of_srgb(code)) - code).abs() < 1e-4);
+        }
+
         #[test]
         fn the_way_there_and_back_loses_at_most_rounding(rgb in any::<[u8; 3]>()) {
             let back = rgb_of_ycbcr(ycbcr_of_rgb(rgb));
