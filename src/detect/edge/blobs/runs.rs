@@ -1,6 +1,7 @@
 //! The runs of a row of bits, and which of them holds a place.
 
 /// Where runs begin and end. Places count from the first word.
+#[derive(Default)]
 pub(super) struct Runs {
     /// Where a bit differs from the one before it, which is where a run begins or ends.
     changes: Vec<u64>,
@@ -13,8 +14,11 @@ pub(super) struct Runs {
 
 impl Runs {
     /// None yet, of rows of so many words.
-    pub(super) fn of(words: usize) -> Self {
-        Self { changes: vec![0; words], before: vec![0; words], ends: vec![0; 64 * words], count: 0 }
+    pub(super) fn begin(&mut self, words: usize) {
+        self.changes.resize(words, 0);
+        self.before.resize(words, 0);
+        self.ends.resize(64 * words, 0);
+        self.count = 0;
     }
 
     /// Those of a row that ends with a word of zeros.
@@ -63,7 +67,8 @@ mod tests {
     #[test]
     fn runs_are_found_across_words_and_by_what_they_hold() {
         let words = [0b1110, 1 << 63, 0b11, u64::MAX, 0];
-        let mut runs = Runs::of(words.len());
+        let mut runs = Runs::default();
+        runs.begin(words.len());
         runs.read(words.into_iter());
         assert_eq!(runs.iter().collect::<Vec<_>>(), [[1, 4], [127, 130], [192, 256]]);
         assert_eq!(runs.len(), 3);

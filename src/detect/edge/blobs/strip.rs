@@ -5,6 +5,7 @@ use crate::detect::sobel::Bits;
 
 /// Two rows of bits and the one above them. Each has a word of zeros before it and two behind it, so that nothing has to ask where it ends:
 /// places are columns plus 64.
+#[derive(Default)]
 pub(super) struct Strip {
     above: Vec<u64>,
     top: Vec<u64>,
@@ -26,11 +27,13 @@ const NUMBERED: [u64; 5] =
     [0xAAAA_AAAA_AAAA_AAAA, 0xCCCC_CCCC_CCCC_CCCC, 0xF0F0_F0F0_F0F0_F0F0, 0xFF00_FF00_FF00_FF00, 0xFFFF_0000_FFFF_0000];
 
 impl Strip {
-    /// Empty ones, of rows like those of `bits`.
-    pub(super) fn like(bits: &Bits) -> Self {
-        let row = vec![0; bits.stride() + 3];
-        let pair = || [row.clone(), row.clone()];
-        Self { above: row.clone(), top: row.clone(), bottom: row.clone(), across: pair(), three: pair() }
+    /// Becomes empty, of rows like those of `bits`.
+    pub(super) fn begin(&mut self, bits: &Bits) {
+        let rows = [&mut self.above, &mut self.top, &mut self.bottom];
+        for row in rows.into_iter().chain(&mut self.across).chain(&mut self.three) {
+            row.clear();
+            row.resize(bits.stride() + 3, 0);
+        }
     }
 
     /// Words of a row.
