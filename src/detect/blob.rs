@@ -71,7 +71,9 @@ impl Finder {
         let is_crowd = markers.len() > options.max_centroids.min(CROWD);
         let located_count = if is_crowd { MAX_LOCATED_IN_A_CROWD } else { markers.len() };
         let (markers, extra) = markers.split_at(options.max_centroids.min(markers.len()));
-        extra.iter().for_each(|extra| refuse(Refused::of(&extra.centroid, Refusal::Crowded)));
+        for extra in extra {
+            refuse(Refused::of(&extra.centroid, Refusal::Crowded));
+        }
         detection.centroids.reserve_exact(markers.len());
         for (index, Marker { centroid, moments, .. }) in markers.iter().enumerate() {
             let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);

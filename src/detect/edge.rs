@@ -200,7 +200,7 @@ mod tests {
                     words[2 * row * stride + x / 64] |= 1 << (x % 64);
                 }
             }
-            blobs(&crate::detect::sobel::Bits { width, height: sizes.len() * 2, words })
+            blobs(&Bits { width, height: sizes.len() * 2, words })
         };
         let region = Region { x: 5, y: 7, width: 640, height: 8 };
         let found =

@@ -91,7 +91,9 @@ impl Three {
     pub(super) fn write(&mut self, padded: &Padded<'_>, out: &mut [u8]) {
         let Self { columns, rows } = self;
         columns.resize(padded.plane.width);
-        rows.iter_mut().for_each(|row| row.resize(padded.width(), 0));
+        for row in &mut *rows {
+            row.resize(padded.width(), 0);
+        }
         padded.write_row(0, &mut rows[0]);
         padded.write_row(1, &mut rows[1]);
         for (y, out) in out.chunks_exact_mut(padded.plane.width).enumerate() {
