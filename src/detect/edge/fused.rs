@@ -28,7 +28,9 @@ impl Walk {
             row.clear();
             row.resize(width + 2, 0);
         }
-        self.medians.iter_mut().for_each(|row| row.resize(width, 0));
+        for row in &mut self.medians {
+            row.resize(width, 0);
+        }
         self.columns.resize(width);
         self.sobel.begin(width, threshold_ratio);
     }

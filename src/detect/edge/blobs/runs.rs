@@ -3,10 +3,8 @@
 /// Where runs begin and end. Places count from the first word.
 #[derive(Default)]
 pub(super) struct Runs {
-    /// Where a bit differs from the one before it, which is where a run begins or ends.
-    changes: Vec<u64>,
-    /// How many changes come before each word.
-    before: Vec<u32>,
+    /// Where a bit differs from the one before it, which is where a run begins or ends; and how often that is so before each word.
+    changes: Vec<(u64, u32)>,
     /// Beginnings and ends in turn; room for more.
     ends: Vec<u32>,
     count: usize,
@@ -15,8 +13,7 @@ pub(super) struct Runs {
 impl Runs {
     /// None yet, of rows of so many words.
     pub(super) fn begin(&mut self, words: usize) {
-        self.changes.resize(words, 0);
-        self.before.resize(words, 0);
+        self.changes.resize(words, (0, 0));
         self.ends.resize(64 * words, 0);
         self.count = 0;
     }
@@ -26,11 +23,11 @@ impl Runs {
     #[inline(always)]
     pub(super) fn read(&mut self, words: impl Iterator<Item = u64>) {
         let (mut last, mut count, mut base) = (0, 0_u32, 0);
-        for ((word, changes), before) in words.zip(&mut self.changes).zip(&mut self.before) {
-            *changes = word ^ (word << 1 | last);
-            *before = count;
+        for (word, kept) in words.zip(&mut self.changes) {
+            let changes = word ^ (word << 1 | last);
+            *kept = (changes, count);
             last = word >> 63;
-            let mut left = *changes;
+            let mut left = changes;
             for end in &mut self.ends[count as usize..][..changes.count_ones() as usize] {
                 *end = base + left.trailing_zeros();
                 left &= left - 1;
@@ -55,7 +52,8 @@ impl Runs {
     #[inline(always)]
     pub(super) fn holding(&self, place: u32) -> usize {
         let (word, bit) = (place as usize / 64, place % 64);
-        let changes = self.before[word] + (self.changes[word] & (u64::MAX >> (63 - bit))).count_ones();
+        let (changes, before) = self.changes[word];
+        let changes = before + (changes & (u64::MAX >> (63 - bit))).count_ones();
         changes as usize / 2
     }
 }
