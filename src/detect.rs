@@ -324,6 +324,24 @@ mod tests {
     use crate::scene::render::{Optics, Sky, render};
 
     #[test]
+    fn the_largest_that_were_refused_are_told_and_of_equals_the_first() {
+        let mut detection = Detection::default();
+        let bounds = Region { x: 0, y: 0, width: 1, height: 1 };
+        let refused = |index: u32| Refused {
+            pixel: Pixel::new(f64::from(index), 0.0),
+            area_px: f64::from(index * 37 % 50),
+            bounds,
+            reason: Refusal::Ragged,
+        };
+        let mut slow: Vec<Refused> = (0..200).map(refused).collect();
+        for refused in &slow {
+            detection.refuse(*refused);
+        }
+        slow.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
+        assert_eq!(detection.refused, slow[..MAX_REFUSED]);
+    }
+
+    #[test]
     fn what_is_not_looked_at_changes_nothing() {
         let camera = demo_camera();
         let detectors = [
