@@ -26,6 +26,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use skypose::camera::{Camera, Distortion};
+use skypose::detect::Workspace;
 use skypose::frame::Frame;
 use skypose::random;
 use skypose::scene::encode;
@@ -257,7 +258,8 @@ async fn bounced(client: &Session, answers: &Listener, frame: &[u8]) -> f64 {
 /// Milliseconds of the work alone.
 fn worked(task: &FrameTask, frame: &[u8]) -> f64 {
     let start = Instant::now();
-    std::hint::black_box(task.estimated(Seen::Bytes(frame), &Terms::of(&Settings::default()), None).expect("a frame"));
+    let (terms, mut workspace) = (Terms::of(&Settings::default()), Workspace::default());
+    std::hint::black_box(task.estimated(Seen::Bytes(frame), &terms, None, &mut workspace).expect("a frame"));
     start.elapsed().as_secs_f64() * 1e3
 }
 

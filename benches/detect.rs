@@ -1,5 +1,5 @@
-//! What the detectors cost, step by step, in ms, at three sizes. The least of many runs, as others on the machine only ever add to
-//! the time.
+//! What the detectors cost, step by step, in ms, at three sizes, frame after frame in the same memory; single steps of the seed's edges and
+//! a single frame of the sky in their own. The least of many runs, as others on the machine only ever add to the time.
 //!
 //! Colour and beacon: a wing with six discs before clouds (for the beacon six LEDs at night), the same among forty red things,
 //! and a frame of red noise, each through a JPEG. `locate` is the ellipse fit of what was found; `search` is the rest, score and
@@ -18,10 +18,12 @@ use rand::{Rng, RngExt};
 use skypose::camera::{Camera, Distortion};
 use skypose::detect::edge::{blobs, sifted};
 use skypose::detect::gray::gray;
-use skypose::detect::locate::{Seed, locate, locate_light};
+use skypose::detect::locate::{Locator, Seed};
 use skypose::detect::median::median;
 use skypose::detect::sobel::sobel;
-use skypose::detect::{BeaconOptions, ColorOptions, Detector, EdgeOptions, SkyOptions, Stamp, Watch, detect};
+use skypose::detect::{
+    BeaconOptions, ColorOptions, Detector, EdgeOptions, SkyOptions, Stamp, Watch, Workspace, detect, detect_with,
+};
 use skypose::frame::{Coding, Decoding, Frame, Pixels};
 use skypose::geometry::{CameraFromTarget, rotation};
 use skypose::random;
@@ -91,6 +93,7 @@ fn marker_row(size_px: [u32; 2], method: &str, shows: &str, detector: &Detector)
     };
     let jpeg = encode::jpeg(&frame, 90).expect("fits a JPEG");
     let frame = Frame::decode(&jpeg, &Decoding::default()).expect("a JPEG");
+    let (mut workspace, mut locator) = (Workspace::default(), Locator::default());
     let found = detect(&frame, frame.full(), detector).centroids;
     let chroma = matches!(detector, Detector::Color(_)).then(|| Vector2::new(-0.31, 0.95));
     let seeds: Vec<Seed> = found
@@ -100,10 +103,14 @@ fn marker_row(size_px: [u32; 2], method: &str, shows: &str, detector: &Detector)
             Seed { pixel: c.pixel, moments, sigma_px: c.sigma_px }
         })
         .collect();
-    let whole = least_ms(|| drop(black_box(detect(black_box(&frame), frame.full(), detector))));
+    let whole = least_ms(|| drop(black_box(detect_with(&mut workspace, black_box(&frame), frame.full(), detector))));
     let fits = least_ms(|| {
         for seed in &seeds {
-            black_box(if chroma.is_some() { locate(&frame, seed, chroma) } else { locate_light(&frame, seed) });
+            black_box(if chroma.is_some() {
+                locator.locate(&frame, seed, chroma)
+            } else {
+                locator.locate_light(&frame, seed)
+            });
         }
     });
     format!("{:8}{whole:7.3}{fits:8.3}{:8.3}", found.len(), (whole - fits).max(0.0))
@@ -147,13 +154,14 @@ fn row(frame: &Frame, options: &EdgeOptions) -> String {
     let edges = sobel(&smooth, options.threshold_ratio);
     let found = blobs(&edges);
     let detector = Detector::Edge(*options);
+    let mut workspace = Workspace::default();
     [
         least_ms(|| drop(black_box(gray(black_box(frame), region, options.gray)))),
         least_ms(|| drop(black_box(median(black_box(&plane), options.window, options.border)))),
         least_ms(|| drop(black_box(sobel(black_box(&smooth), options.threshold_ratio)))),
         least_ms(|| drop(black_box(blobs(black_box(&edges))))),
         least_ms(|| drop(black_box(sifted(black_box(found.clone()), region, options)))),
-        least_ms(|| drop(black_box(detect(black_box(frame), region, &detector)))),
+        least_ms(|| drop(black_box(detect_with(&mut workspace, black_box(frame), region, &detector)))),
     ]
     .map(|ms| format!("{ms:8.3}"))
     .concat()

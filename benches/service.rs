@@ -24,6 +24,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use futures_util::future::join_all;
+use skypose::detect::Workspace;
 use skypose::random;
 use skypose::scene::encode;
 use skypose::scene::flight::Flight;
@@ -68,7 +69,7 @@ fn main() {
 fn overhead(runtime: &Runtime, frames: &[Vec<u8>], clients: usize) {
     let station = Station::equipped(runtime);
     let posters: Vec<Client> = (0..clients).map(|_| station.client()).collect();
-    let (task, own) = (task(runtime), std::process::id());
+    let (task, own, mut workspace) = (task(runtime), std::process::id(), Workspace::default());
     let mut rounds = Vec::new();
     for round in 0..WARM_UP + ROUNDS {
         let before = cpu_ms(station.child.id());
@@ -80,7 +81,7 @@ fn overhead(runtime: &Runtime, frames: &[Vec<u8>], clients: usize) {
         let served = cpu_ms(station.child.id()) - before;
         let before = cpu_ms(own);
         for frame in frames {
-            work(&task, frame);
+            work(&task, frame, &mut workspace);
         }
         let in_process = cpu_ms(own) - before;
         if round >= WARM_UP {
@@ -144,8 +145,9 @@ fn task(runtime: &Runtime) -> FrameTask {
         .expect("a good request")
 }
 
-fn work(task: &FrameTask, frame: &[u8]) {
-    let estimated = task.estimated(Seen::Bytes(frame), &Terms::of(&Settings::default()), None).expect("a frame");
+fn work(task: &FrameTask, frame: &[u8], workspace: &mut Workspace) {
+    let terms = Terms::of(&Settings::default());
+    let estimated = task.estimated(Seen::Bytes(frame), &terms, None, workspace).expect("a frame");
     std::hint::black_box(estimated);
 }
 

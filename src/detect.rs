@@ -25,7 +25,7 @@ use nalgebra::Vector2;
 
 use crate::camera::Pixel;
 use crate::frame::{Frame, Region, Wanted};
-use locate::{Located, Seed, Shape, locate_shaped};
+use locate::{Located, Seed, Shape};
 
 pub use beacon::BeaconOptions;
 pub use blob::BlobOptions;
@@ -102,6 +102,12 @@ pub struct Refused {
     pub reason: Refusal,
 }
 
+impl Refused {
+    const fn of(centroid: &Centroid, reason: Refusal) -> Self {
+        Self { pixel: centroid.pixel, area_px: centroid.area_px, bounds: centroid.bounds, reason }
+    }
+}
+
 /// What speaks against a blob.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Refusal {
@@ -154,6 +160,19 @@ pub struct Detection {
 
 /// Refused blobs that are reported; a frame of noise has thousands.
 pub const MAX_REFUSED: usize = 64;
+
+impl Detection {
+    /// One more that was refused, in its place among those that are reported: the larger before the smaller, and of equals the earlier
+    /// before the later.
+    fn refuse(&mut self, refused: Refused) {
+        let place = self.refused.partition_point(|other| other.area_px >= refused.area_px);
+        if place < MAX_REFUSED {
+            self.refused.truncate(MAX_REFUSED - 1);
+            self.refused.reserve_exact(MAX_REFUSED - self.refused.len());
+            self.refused.insert(place, refused);
+        }
+    }
+}
 
 /// Which detector, with its options.
 #[derive(Clone, Debug, PartialEq)]
@@ -212,28 +231,56 @@ impl Detector {
     /// `centroid` located once more in the frame that it was found in, now that its shape is known. `None` for a method that fits no
     /// discs, or where this one does not fit.
     #[must_use]
-    pub fn located_again(&self, frame: &Frame, centroid: &Centroid, shape: &Shape) -> Option<Centroid> {
+    pub fn located_again(
+        &self,
+        workspace: &mut Workspace,
+        frame: &Frame,
+        centroid: &Centroid,
+        shape: &Shape,
+    ) -> Option<Centroid> {
         let Self::Color(options) = self else { return None };
         let seed = Seed { pixel: centroid.pixel, moments: shape.moments, sigma_px: centroid.sigma_px };
-        let Located { pixel, sigma_px, area_px } = locate_shaped(frame, &seed, shape, Some(options.hue.direction()))?;
+        let hue = Some(options.hue.direction());
+        let Located { pixel, sigma_px, area_px } = workspace.color.locator().locate_shaped(frame, &seed, shape, hue)?;
         Some(Centroid { pixel, sigma_px, area_px, ..*centroid }.within_bounds())
     }
+}
+
+/// The memory of a detector, which every frame fills anew: of the frames before nothing is left in it but room. In steady state, frame
+/// after frame of a size, a frame takes no more memory than what is reported of it.
+#[derive(Default)]
+pub struct Workspace {
+    color: color::Finder,
+    beacon: beacon::Finder,
+    thesis: thesis::Finder,
+    edge: edge::Finder,
 }
 
 /// The centroids in `region`, in pixels of the whole frame. The region must lie on the frame.
 #[must_use]
 pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {
-    let mut detection = match detector {
-        Detector::Color(options) => color::detect(frame, region, options),
-        Detector::Beacon(options) => beacon::detect(frame, region, options),
-        Detector::Thesis => thesis::detect(frame, region),
-        Detector::Edge(options) => edge::detect(frame, region, options),
+    detect_with(&mut Workspace::default(), frame, region, detector)
+}
+
+/// As [`detect`], in memory that is there already. A single frame of the sky is looked at in memory of its own; frames that follow each
+/// other have a [`Watch`].
+#[must_use]
+pub fn detect_with(workspace: &mut Workspace, frame: &Frame, region: Region, detector: &Detector) -> Detection {
+    let detection = match detector {
+        Detector::Color(options) => workspace.color.detect(frame, region, options),
+        Detector::Beacon(options) => workspace.beacon.detect(frame, region, options),
+        Detector::Thesis => workspace.thesis.detect(frame, region),
+        Detector::Edge(options) => workspace.edge.detect(frame, region, options),
         Detector::Sky(options) => sky::detect(frame, region, options),
     };
-    detection.refused.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
-    detection.refused.truncate(MAX_REFUSED);
+    if region.area() > MOST_KEPT_PX {
+        *workspace = Workspace::default();
+    }
     detection
 }
+
+/// Frames come one after the other from videos; what is larger than theirs is a picture, whose memory is given back.
+const MOST_KEPT_PX: usize = 7680 * 4320;
 
 /// What of a frame of this size [`detect`] looks at for what lies in `region`: a marker at its border is fitted with what is around it.
 #[must_use]
@@ -275,6 +322,24 @@ mod tests {
     use crate::scene::flight::Flight;
     use crate::scene::models::{demo_camera, wing};
     use crate::scene::render::{Optics, Sky, render};
+
+    #[test]
+    fn the_largest_that_were_refused_are_told_and_of_equals_the_first() {
+        let mut detection = Detection::default();
+        let bounds = Region { x: 0, y: 0, width: 1, height: 1 };
+        let refused = |index: u32| Refused {
+            pixel: Pixel::new(f64::from(index), 0.0),
+            area_px: f64::from(index * 37 % 50),
+            bounds,
+            reason: Refusal::Ragged,
+        };
+        let mut slow: Vec<Refused> = (0..200).map(refused).collect();
+        for refused in &slow {
+            detection.refuse(*refused);
+        }
+        slow.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
+        assert_eq!(detection.refused, slow[..MAX_REFUSED]);
+    }
 
     #[test]
     fn what_is_not_looked_at_changes_nothing() {

@@ -132,11 +132,29 @@ impl Frame {
     /// The samples as RGB, converted if need be.
     #[must_use]
     pub fn rgb(&self) -> Cow<'_, [u8]> {
-        match &self.pixels {
-            Pixels::Rgb(samples) => Cow::Borrowed(samples),
-            Pixels::Luma(samples) => Cow::Owned(samples.iter().flat_map(|&y| [y, y, y]).collect()),
-            Pixels::YCbCr(samples) => Cow::Owned(color::ycbcr_to_rgb(samples)),
+        if let Pixels::Rgb(samples) = &self.pixels {
+            return Cow::Borrowed(samples);
         }
+        let mut samples = Vec::new();
+        self.rgb_in(&mut samples);
+        Cow::Owned(samples)
+    }
+
+    /// As [`rgb`](Self::rgb); what is converted is in `samples`.
+    pub fn rgb_in<'a>(&'a self, samples: &'a mut Vec<u8>) -> &'a [u8] {
+        match &self.pixels {
+            Pixels::Rgb(rgb) => return rgb,
+            Pixels::Luma(luma) => {
+                samples.clear();
+                samples.reserve(3 * luma.len());
+                samples.extend(luma.iter().flat_map(|&y| [y, y, y]));
+            }
+            Pixels::YCbCr(ycbcr) => {
+                samples.resize(ycbcr.len(), 0);
+                color::write_rgb(ycbcr, samples);
+            }
+        }
+        samples
     }
 
     /// The whole frame as a region.

@@ -8,7 +8,7 @@ mod joint;
 mod merge;
 
 use crate::camera::Camera;
-use crate::detect::{Centroid, Detection, Detector, detect};
+use crate::detect::{Centroid, Detection, Detector, Workspace, detect_with};
 use crate::frame::{Frame, FrameError, Region};
 use crate::identify::{Blob, Hypothesis, Identified, IdentifyOptions};
 use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose};
@@ -98,16 +98,17 @@ pub fn estimate(
 ) -> Result<Estimate, FrameError> {
     frame.check_camera(camera)?;
     let region = options.region.unwrap_or_else(|| frame.full()).checked(frame.width(), frame.height())?;
-    let detection = detect(frame, region, &options.detector);
+    let mut workspace = Workspace::default();
+    let detection = detect_with(&mut workspace, frame, region, &options.detector);
     on_stage(Stage::Detect);
-    Ok(estimate_of(detection, Some(frame), camera, targets, options, on_stage))
+    Ok(estimate_of(detection, Some((frame, &mut workspace)), camera, targets, options, on_stage))
 }
 
 /// As [`estimate`] in a frame of the camera whose blobs were found already, as those of a sequence are. Where the frame is there
-/// to be looked at, markers are located once more when their shapes are known.
+/// to be looked at, in memory for that, markers are located once more when their shapes are known.
 pub fn estimate_of(
     mut detection: Detection,
-    frame: Option<&Frame>,
+    frame: Option<(&Frame, &mut Workspace)>,
     camera: &Camera,
     targets: &[Target],
     options: &Options,
@@ -116,11 +117,11 @@ pub fn estimate_of(
     let blobs = blobs_of(&detection, &options.detector);
     let claims = joint::claims(camera, targets, &blobs, options.max_instances, &options.identify);
     on_stage(Stage::Identify);
-    if let Some(frame) = frame {
+    if let Some((frame, workspace)) = frame {
+        let mut looking = again::Looking { frame, workspace, detector: &options.detector };
         for claim in &claims {
             if let Ok(identified) = &claim.identified {
-                let target = &targets[claim.target];
-                again::look_again(frame, camera, target, identified, &options.detector, &mut detection.centroids);
+                looking.look_again(camera, &targets[claim.target], identified, &mut detection.centroids);
             }
         }
     }

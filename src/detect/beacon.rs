@@ -38,30 +38,41 @@ impl Default for BeaconOptions {
 /// Chroma, of 255, that a halo must have before its hue counts for anything.
 const MIN_CHROMA: f64 = 4.0;
 
-/// The LEDs in `region`, the best first.
-#[must_use]
-pub fn detect(frame: &Frame, region: Region, options: &BeaconOptions) -> Detection {
-    let mut luma = Vec::new();
-    luma::take(frame, region, &mut luma);
-    // Those of another colour are still among them.
-    let most = options.blobs.max_centroids;
-    let max_centroids = if options.hue.is_some() { usize::MAX } else { most };
-    let blobs = BlobOptions { max_centroids, ..options.blobs };
-    // Luma is sampled at every pixel, whatever happened to the colours.
-    let coding = Coding { chroma: ChromaSampling::Full, ..frame.coding() };
-    let mut found = blob::detect(frame, region, &luma, coding, None, &blobs);
-    if let Some(hue) = &options.hue {
-        let (ours, others): (Vec<_>, Vec<_>) = found.centroids.into_iter().partition(|c| is_of(frame, c, hue));
-        found.centroids = ours;
-        found.refused.extend(others.iter().map(|c| refused(c, Refusal::OtherColor)));
-        let extra = found.centroids.split_off(most.min(found.centroids.len()));
-        found.refused.extend(extra.iter().map(|c| refused(c, Refusal::Crowded)));
-    }
-    found
+/// Finds LEDs, frame after frame, in the same memory.
+#[derive(Default)]
+pub struct Finder {
+    luma: Vec<u8>,
+    blobs: blob::Finder,
 }
 
-const fn refused(centroid: &Centroid, reason: Refusal) -> Refused {
-    Refused { pixel: centroid.pixel, area_px: centroid.area_px, bounds: centroid.bounds, reason }
+impl Finder {
+    /// The LEDs in `region`, the best first.
+    #[must_use]
+    pub fn detect(&mut self, frame: &Frame, region: Region, options: &BeaconOptions) -> Detection {
+        luma::take(frame, region, &mut self.luma);
+        // Those of another colour are still among them.
+        let most = options.blobs.max_centroids;
+        let max_centroids = if options.hue.is_some() { usize::MAX } else { most };
+        let blobs = BlobOptions { max_centroids, ..options.blobs };
+        // Luma is sampled at every pixel, whatever happened to the colours.
+        let coding = Coding { chroma: ChromaSampling::Full, ..frame.coding() };
+        let mut found = self.blobs.detect(frame, region, &self.luma, coding, None, &blobs);
+        if let Some(hue) = &options.hue {
+            let mut ours = std::mem::take(&mut found.centroids);
+            ours.retain(|centroid| {
+                let is_ours = is_of(frame, centroid, hue);
+                if !is_ours {
+                    found.refuse(Refused::of(centroid, Refusal::OtherColor));
+                }
+                is_ours
+            });
+            for extra in ours.drain(most.min(ours.len())..) {
+                found.refuse(Refused::of(&extra, Refusal::Crowded));
+            }
+            found.centroids = ours;
+        }
+        found
+    }
 }
 
 /// Whether the light in and around the centroid's bounds has the hue. A frame without colour has none.
@@ -102,6 +113,10 @@ mod tests {
         };
         let samples = (0..90).flat_map(|y| (0..120).flat_map(move |x| pixel(x, y))).collect();
         Frame::checked(120, 90, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a frame")
+    }
+
+    fn detect(frame: &Frame, region: Region, options: &BeaconOptions) -> Detection {
+        Finder::default().detect(frame, region, options)
     }
 
     const RED: [f64; 3] = [1.0, 0.25, 0.2];

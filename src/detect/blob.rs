@@ -8,10 +8,12 @@ mod tiles;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::components::{Components, Connectivity, Run, area, bounds, mean_position};
-use super::locate::{Located, Seed, locate, locate_light};
+use super::components::{Connectivity, Labeling, Run, area, bounds, mean_position};
+use super::locate::{Located, Locator, Seed};
+use super::threshold::{distance_at, histogram, level_at, mean_from};
 use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame};
 use crate::frame::{ChromaSampling, Coding, Frame, Region};
+use levels::{Marker, Search};
 
 /// What counts as a blob.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,63 +34,75 @@ pub struct BlobOptions {
     pub max_centroids: usize,
 }
 
-/// The blobs of a score over `region`, the best first; `chroma` is the direction of their hue, by which discs are
-/// located; without it they are lights.
-pub(super) fn detect(
-    frame: &Frame,
-    region: Region,
-    score: &[u8],
-    coding: Coding,
-    chroma: Option<Vector2<f64>>,
-    options: &BlobOptions,
-) -> Detection {
-    let picture = Picture {
-        score,
-        width: region.width,
-        height: region.height,
-        coding,
-        frame_area: f64::from(frame.width()) * f64::from(frame.height()),
-    };
-    let levels::Found { mut markers, mut refused } = levels::search(&picture, options);
-    markers.sort_by(|(a, _), (b, _)| b.score.total_cmp(&a.score));
-    // A crowd is texture or noise; to locate all of it exactly would be most of the cost.
-    let is_crowd = markers.len() > options.max_centroids.min(CROWD);
-    let located_count = if is_crowd { MAX_LOCATED_IN_A_CROWD } else { markers.len() };
-    refused.extend(markers.drain(options.max_centroids.min(markers.len())..).map(|(extra, _)| Refused {
-        pixel: extra.pixel,
-        area_px: extra.area_px,
-        bounds: extra.bounds,
-        reason: Refusal::Crowded,
-    }));
-    for refused in &mut refused {
-        refused.pixel = in_frame(region, refused.pixel.x, refused.pixel.y);
-        refused.bounds = bounds_in_frame(region, refused.bounds);
-    }
-    let mut centroids = Vec::with_capacity(markers.len());
-    for (index, (centroid, moments)) in markers.into_iter().enumerate() {
-        let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
-        let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..centroid };
-        let seed = Seed { pixel, moments, sigma_px: centroid.sigma_px };
-        let exact = match chroma {
-            _ if index >= located_count => None,
-            Some(_) => locate(frame, &seed, chroma),
-            None => locate_light(frame, &seed),
+/// Finds blobs, frame after frame, in the same memory.
+#[derive(Default)]
+pub(super) struct Finder {
+    search: Search,
+    locator: Locator,
+}
+
+impl Finder {
+    /// The blobs of a score over `region`, a byte a pixel, the best first; `chroma` is the direction of their hue, by which discs are
+    /// located; without it they are lights.
+    pub(super) fn detect(
+        &mut self,
+        frame: &Frame,
+        region: Region,
+        score: &[u8],
+        coding: Coding,
+        chroma: Option<Vector2<f64>>,
+        options: &BlobOptions,
+    ) -> Detection {
+        let picture = Picture {
+            score,
+            width: region.width,
+            height: region.height,
+            coding,
+            frame_area: f64::from(frame.width()) * f64::from(frame.height()),
         };
-        match exact {
-            Some(Located { pixel, sigma_px, area_px }) => {
-                centroids.push(Centroid { pixel, sigma_px, area_px, ..rough }.within_bounds());
-            }
-            // Of so few pixels it is a marker only if they are those of a disc.
-            None if rough.area_px < options.min_area_px => refused.push(Refused {
-                pixel: rough.pixel,
-                area_px: rough.area_px,
-                bounds: rough.bounds,
-                reason: Refusal::TooSmall,
-            }),
-            None => centroids.push(rough.within_bounds()),
+        let mut detection = Detection::default();
+        let mut refuse = |refused: Refused| {
+            let pixel = in_frame(region, refused.pixel.x, refused.pixel.y);
+            detection.refuse(Refused { pixel, bounds: bounds_in_frame(region, refused.bounds), ..refused });
+        };
+        let markers = self.search.markers(&picture, options, &mut refuse);
+        markers.sort_unstable_by(|a, b| b.centroid.score.total_cmp(&a.centroid.score).then(a.number.cmp(&b.number)));
+        // A crowd is texture or noise; to locate all of it exactly would be most of the cost.
+        let is_crowd = markers.len() > options.max_centroids.min(CROWD);
+        let located_count = if is_crowd { MAX_LOCATED_IN_A_CROWD } else { markers.len() };
+        let (markers, extra) = markers.split_at(options.max_centroids.min(markers.len()));
+        for extra in extra {
+            refuse(Refused::of(&extra.centroid, Refusal::Crowded));
         }
+        detection.centroids.reserve_exact(markers.len());
+        for (index, Marker { centroid, moments, .. }) in markers.iter().enumerate() {
+            let pixel = in_frame(region, centroid.pixel.x, centroid.pixel.y);
+            let rough = Centroid { pixel, bounds: bounds_in_frame(region, centroid.bounds), ..*centroid };
+            let seed = Seed { pixel, moments: *moments, sigma_px: centroid.sigma_px };
+            let exact = match chroma {
+                _ if index >= located_count => None,
+                Some(_) => self.locator.locate(frame, &seed, chroma),
+                None => self.locator.locate_light(frame, &seed),
+            };
+            match exact {
+                Some(Located { pixel, sigma_px, area_px }) => {
+                    let exact = Centroid { pixel, sigma_px, area_px, ..rough };
+                    detection.centroids.push(exact.within_bounds());
+                }
+                // Of so few pixels it is a marker only if they are those of a disc.
+                None if rough.area_px < options.min_area_px => {
+                    detection.refuse(Refused::of(&rough, Refusal::TooSmall));
+                }
+                None => detection.centroids.push(rough.within_bounds()),
+            }
+        }
+        detection
     }
-    Detection { centroids, refused }
+
+    /// What the blobs are located in.
+    pub(super) const fn locator(&mut self) -> &mut Locator {
+        &mut self.locator
+    }
 }
 
 /// More blobs than this are a crowd, even where the list would hold them.
@@ -149,7 +163,8 @@ struct Heights {
     noise: f64,
 }
 
-fn examine(picture: &Picture<'_>, runs: &[Run], options: &BlobOptions) -> Verdict {
+/// What a component is. Its parts are found in `parts`.
+fn examine(picture: &Picture<'_>, runs: &[Run], options: &BlobOptions, parts: &mut Labeling) -> Verdict {
     let whole = bounds(runs);
     let pixels = area(runs) as f64;
     if pixels > 2.0 * options.max_area_ratio * picture.frame_area {
@@ -162,7 +177,7 @@ fn examine(picture: &Picture<'_>, runs: &[Run], options: &BlobOptions) -> Verdic
     // The part above half height. If there are several of weight, the component is several things.
     #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a mean of two scores")]
     let half = (0.5 * (heights.ground + heights.top)).ceil().max(1.0) as u8;
-    let parts = Components::of(picture.score, picture.width as usize, whole, half, Connectivity::Eight);
+    let parts = parts.of(picture.score, picture.width as usize, whole, half, Connectivity::Eight);
     let Some(core) = parts.iter().max_by_key(|part| area(part)) else {
         return Verdict::LookHigher(Refusal::LowContrast);
     };
@@ -187,30 +202,22 @@ fn heights(picture: &Picture<'_>, runs: &[Run], whole: Region) -> Heights {
     let margin = 2 + (whole.width.max(whole.height)) / 4;
     let around = picture.grown(picture.grown(whole, 1), margin);
     let inner = picture.grown(whole, 1);
-    let mut ground: Vec<u8> = Vec::new();
-    for (y, row) in picture.rows(around) {
-        if y < inner.y || y >= inner.y + inner.height {
-            ground.extend_from_slice(row);
-        } else {
-            let left = (inner.x - around.x) as usize;
-            let right = left + inner.width as usize;
-            ground.extend_from_slice(&row[..left]);
-            ground.extend_from_slice(&row[right..]);
-        }
-    }
-    let mut inside: Vec<u8> = runs.iter().flat_map(|run| picture.run(run)).copied().collect();
-    inside.sort_unstable();
-    let upper = &inside[inside.len() * 3 / 4..];
-    let top = upper.iter().map(|s| f64::from(*s)).sum::<f64>() / upper.len().max(1) as f64;
-    if ground.is_empty() {
+    let beside = picture.rows(around).flat_map(|(y, row)| {
+        let is_beside = y < inner.y || y >= inner.y + inner.height;
+        let (left, right) = row.split_at((inner.x - around.x) as usize);
+        let skipped = if is_beside { 0 } else { inner.width as usize };
+        left.iter().chain(&right[skipped..])
+    });
+    let ground = histogram(beside.copied());
+    let inside = histogram(runs.iter().flat_map(|run| picture.run(run)).copied());
+    let top = mean_from(&inside, area(runs) * 3 / 4);
+    let count = around.area() - inner.area();
+    if count == 0 {
         return Heights { ground: 0.0, top, noise: 0.0 };
     }
-    let middle = ground.len() / 2;
-    let (_, median, _) = ground.select_nth_unstable(middle);
-    let median = *median;
-    let mut deviations: Vec<u8> = ground.iter().map(|s| s.abs_diff(median)).collect();
-    let (_, deviation, _) = deviations.select_nth_unstable(middle);
-    Heights { ground: f64::from(median), top, noise: 1.4826 * f64::from(*deviation) }
+    let median = level_at(&ground, count / 2);
+    let noise = 1.4826 * distance_at(&ground, median, count / 2) as f64;
+    Heights { ground: median as f64, top, noise }
 }
 
 /// The part above half height, and the moments of its outline.
@@ -352,7 +359,7 @@ mod tests {
                 [code(120.0, 190.0), code(124.0, 60.0), code(128.0, 60.0)]
             });
             let frame = Frame::checked(48, 48, Pixels::Rgb(samples.collect()), Coding::LOSSLESS).expect("a frame");
-            for centroid in color::detect(&frame, frame.full(), &ColorOptions::default()).centroids {
+            for centroid in color::Finder::default().detect(&frame, frame.full(), &ColorOptions::default()).centroids {
                 assert!(spans(centroid.bounds, &centroid.pixel), "{index}: {centroid:?}");
                 found += 1;
             }

@@ -10,6 +10,7 @@ mod score;
 
 use super::Detection;
 use super::blob::{self, BlobOptions};
+use super::locate::Locator;
 use crate::frame::{Frame, Region};
 
 pub use hue::{HueRange, NAMED_HUES};
@@ -40,13 +41,28 @@ impl Default for ColorOptions {
     }
 }
 
-/// The markers in `region`, the best first.
-#[must_use]
-pub fn detect(frame: &Frame, region: Region, options: &ColorOptions) -> Detection {
-    let Some(score) = score::score(frame, region, &options.hue) else {
-        return Detection::default();
-    };
-    blob::detect(frame, region, &score, frame.coding(), Some(options.hue.direction()), &options.blobs)
+/// Finds markers, frame after frame, in the same memory.
+#[derive(Default)]
+pub struct Finder {
+    scores: Vec<u8>,
+    blobs: blob::Finder,
+}
+
+impl Finder {
+    /// The markers in `region`, the best first.
+    #[must_use]
+    pub fn detect(&mut self, frame: &Frame, region: Region, options: &ColorOptions) -> Detection {
+        if !score::score(frame, region, &options.hue, &mut self.scores) {
+            return Detection::default();
+        }
+        let hue = Some(options.hue.direction());
+        self.blobs.detect(frame, region, &self.scores, frame.coding(), hue, &options.blobs)
+    }
+
+    /// What markers are located in.
+    pub(super) const fn locator(&mut self) -> &mut Locator {
+        self.blobs.locator()
+    }
 }
 
 #[cfg(test)]
@@ -92,6 +108,10 @@ mod tests {
 
     fn disc(centre: [f64; 2], radius: f64) -> Frame {
         picture(|x, y| if off(x, y, centre, radius) <= 1.0 { RED } else { GRAY })
+    }
+
+    fn detect(frame: &Frame, region: Region, options: &ColorOptions) -> Detection {
+        Finder::default().detect(frame, region, options)
     }
 
     fn found(frame: &Frame) -> Detection {

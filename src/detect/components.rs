@@ -33,20 +33,42 @@ pub struct Components {
     starts: Vec<usize>,
 }
 
-impl Components {
-    /// The components of the pixels of `window` whose sample is at least `threshold`, in reading order of their first pixel.
-    /// `samples` are rows of `width`; runs are in its coordinates.
-    #[must_use]
-    pub fn of(samples: &[u8], width: usize, window: Region, threshold: u8, connectivity: Connectivity) -> Self {
-        Self::within(samples, width, &[window], threshold, connectivity)
+/// Finds components, picture after picture, in the same memory.
+#[derive(Clone, Debug, Default)]
+pub struct Labeling {
+    /// The runs of a picture, in reading order.
+    runs: Vec<Run>,
+    /// For each run an earlier one of its component, or itself; in the end the component's number.
+    parents: Vec<u32>,
+    components: Components,
+}
+
+impl Labeling {
+    /// As [`Components::of`].
+    pub fn of(
+        &mut self,
+        samples: &[u8],
+        width: usize,
+        window: Region,
+        threshold: u8,
+        connectivity: Connectivity,
+    ) -> &Components {
+        self.within(samples, width, &[window], threshold, connectivity)
     }
 
     /// The same of several windows, as if all between them were background: windows of the same rows stand side by side, from
     /// left to right and with a gap between; those of other rows below.
-    #[must_use]
-    pub fn within(samples: &[u8], width: usize, windows: &[Region], threshold: u8, connectivity: Connectivity) -> Self {
-        let mut runs = Vec::new();
-        let mut parents: Vec<u32> = Vec::new();
+    pub fn within(
+        &mut self,
+        samples: &[u8],
+        width: usize,
+        windows: &[Region],
+        threshold: u8,
+        connectivity: Connectivity,
+    ) -> &Components {
+        let Self { runs, parents, .. } = self;
+        runs.clear();
+        parents.clear();
         let reach = u32::from(connectivity == Connectivity::Eight);
         let (mut above_start, mut above_end, mut above_y) = (0, 0, 0);
         let bands = windows.chunk_by(|a, b| a.y == b.y);
@@ -54,7 +76,7 @@ impl Components {
             let row_start = runs.len();
             for window in band {
                 let offset = y as usize * width + window.x as usize;
-                push_runs(&samples[offset..offset + window.width as usize], threshold, window.x, y, &mut runs);
+                push_runs(&samples[offset..offset + window.width as usize], threshold, window.x, y, runs);
             }
             if above_y + 1 != y {
                 above_start = above_end;
@@ -69,41 +91,64 @@ impl Components {
                 }
                 let mut touching = above;
                 while touching < above_end && runs[touching].start < run.end + reach {
-                    join(&mut parents, as_u32(index), as_u32(touching));
+                    join(parents, as_u32(index), as_u32(touching));
                     touching += 1;
                 }
             }
             (above_start, above_end, above_y) = (row_start, runs.len(), y);
         }
-        Self::grouped(&runs, &mut parents)
+        self.group();
+        &self.components
     }
 
-    /// Sorts runs by component (counting sort, stable).
-    fn grouped(runs: &[Run], parents: &mut [u32]) -> Self {
-        let mut numbers = vec![u32::MAX; runs.len()];
-        let mut counts: Vec<usize> = Vec::new();
-        let labels: Vec<u32> = (0..runs.len())
-            .map(|index| {
-                let root = find(parents, as_u32(index)) as usize;
-                if numbers[root] == u32::MAX {
-                    numbers[root] = as_u32(counts.len());
-                    counts.push(0);
-                }
-                counts[numbers[root] as usize] += 1;
-                numbers[root]
-            })
-            .collect();
-        let mut starts = vec![0];
-        for count in &counts {
-            starts.push(starts[starts.len() - 1] + count);
+    /// Sorts the runs by component (counting sort, stable).
+    fn group(&mut self) {
+        let Components { runs: sorted, starts } = &mut self.components;
+        // Where a component's next run goes stands one place on, so that in the end the next one's beginning stands there.
+        starts.clear();
+        starts.extend([0, 0]);
+        for index in 0..self.runs.len() {
+            let parent = self.parents[index] as usize;
+            // An earlier run has its number already.
+            let number = if parent == index {
+                starts.push(0);
+                as_u32(starts.len() - 3)
+            } else {
+                self.parents[parent]
+            };
+            self.parents[index] = number;
+            starts[number as usize + 2] += 1;
         }
-        let mut next = starts.clone();
-        let mut sorted = vec![Run { y: 0, start: 0, end: 0 }; runs.len()];
-        for (run, label) in runs.iter().zip(labels) {
-            sorted[next[label as usize]] = *run;
-            next[label as usize] += 1;
+        let mut before = 0;
+        for start in &mut *starts {
+            before += *start;
+            *start = before;
         }
-        Self { runs: sorted, starts }
+        sorted.clear();
+        sorted.resize(self.runs.len(), Run { y: 0, start: 0, end: 0 });
+        for (run, number) in self.runs.iter().zip(&self.parents) {
+            let next = &mut starts[*number as usize + 1];
+            sorted[*next] = *run;
+            *next += 1;
+        }
+        starts.pop();
+    }
+}
+
+impl Components {
+    /// The components of the pixels of `window` whose sample is at least `threshold`, in reading order of their first pixel.
+    /// `samples` are rows of `width`; runs are in its coordinates.
+    #[must_use]
+    pub fn of(samples: &[u8], width: usize, window: Region, threshold: u8, connectivity: Connectivity) -> Self {
+        let mut labeling = Labeling::default();
+        labeling.of(samples, width, window, threshold, connectivity);
+        labeling.components
+    }
+
+    /// The runs of a component.
+    #[must_use]
+    pub fn runs(&self, number: usize) -> &[Run] {
+        &self.runs[self.starts[number]..self.starts[number + 1]]
     }
 
     /// Number of components.
@@ -271,7 +316,7 @@ pub(crate) mod tests {
             .collect();
         let windows = [[2, 0, 20, 7], [23, 0, 30, 7], [0, 7, 9, 10], [30, 7, 30, 10], [10, 20, 40, 20]]
             .map(|[x, y, width, height]| Region { x, y, width, height });
-        let within = Components::within(&samples, width, &windows, 1, Connectivity::Eight);
+        let within = Labeling::default().within(&samples, width, &windows, 1, Connectivity::Eight).clone();
         for (index, sample) in (0_u32..).zip(&mut samples) {
             let (x, y) = (index % 60, index / 60);
             let holds = |w: &Region| (w.x..w.x + w.width).contains(&x) && (w.y..w.y + w.height).contains(&y);
@@ -279,6 +324,23 @@ pub(crate) mod tests {
         }
         let whole = Region { x: 0, y: 0, width: 60, height: 40 };
         assert_eq!(within, Components::of(&samples, width, whole, 1, Connectivity::Eight));
+    }
+
+    #[test]
+    fn what_was_labelled_before_leaves_nothing_behind() {
+        let mut labeling = Labeling::default();
+        let (whole, part) = (Region { x: 0, y: 0, width: 4, height: 3 }, Region { x: 1, y: 1, width: 2, height: 1 });
+        let samples = [9, 0, 9, 0, 0, 9, 0, 0, 9, 0, 0, 9];
+        for window in [whole, part, whole] {
+            for threshold in [5, 10] {
+                let once = Components::of(&samples, 4, window, threshold, Connectivity::Four);
+                assert_eq!(labeling.of(&samples, 4, window, threshold, Connectivity::Four), &once);
+                assert_eq!(
+                    (0..once.len()).map(|number| once.runs(number)).collect::<Vec<_>>(),
+                    once.iter().collect::<Vec<_>>()
+                );
+            }
+        }
     }
 
     #[test]

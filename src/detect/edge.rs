@@ -21,14 +21,15 @@ mod fused;
 mod persistence;
 mod sieve;
 
-use super::gray::{Gray, gray};
-use super::median::{Border, Window, median};
-use super::sobel::sobel;
+use super::gray::{self, Gray, Plane};
+use super::median::{self, Border, Window};
+use super::sobel::{self, Bits};
 use super::thesis::outline_sigma_px;
 use super::{Centroid, Detection, bounds_in_frame, in_frame};
 use crate::frame::{Frame, Region};
 
 pub use blobs::{Blob, blobs};
+use fused::Walk;
 pub use persistence::{Persistence, PersistenceOptions};
 use sieve::Sieve;
 
@@ -84,28 +85,44 @@ const FLOOR_SIGMA_PX: f64 = 0.3;
 /// 1.7 with the defaults, in nine of ten cases far less, and far more where half of a thing is as bright as the sky.
 const OUTLINE_SHARE: f64 = 0.05;
 
-/// What is in `region`, the largest first. Edges do not tell what they belong to, so every score is 1.
-#[must_use]
-pub fn detect(frame: &Frame, region: Region, options: &EdgeOptions) -> Detection {
-    let edges = if options.window == Window::SMALL {
-        fused::edges(frame, region, options)
-    } else {
-        let plane = gray(frame, region, options.gray);
-        sobel(&median(&plane, options.window, options.border), options.threshold_ratio)
-    };
-    let mut sieve = Sieve::of(options);
-    blobs::each(&edges, |blob| sieve.take(blob));
-    sieve.detection(region)
+/// Finds what has edges, frame after frame, in the same memory.
+#[derive(Default)]
+pub struct Finder {
+    walk: Walk,
+    gray: Plane,
+    medians: median::Filter,
+    sobel: sobel::Rows,
+    edges: Bits,
+    joining: blobs::Joining,
+    sieve: Sieve,
+}
+
+impl Finder {
+    /// What is in `region`, the largest first. Edges do not tell what they belong to, so every score is 1.
+    #[must_use]
+    pub fn detect(&mut self, frame: &Frame, region: Region, options: &EdgeOptions) -> Detection {
+        let Self { walk, gray, medians, sobel, edges, joining, sieve } = self;
+        if options.window == Window::SMALL {
+            walk.edges(frame, region, options, edges);
+        } else {
+            gray::take(frame, region, options.gray, gray);
+            sobel.edges(medians.median(gray, options.window, options.border), options.threshold_ratio, edges);
+        }
+        sieve.begin(options);
+        blobs::each(joining, edges, |blob| sieve.take(blob));
+        sieve.detection(region, options)
+    }
 }
 
 /// The outlier filter: what is large enough, and what was refused.
 #[must_use]
 pub fn sifted(blobs: Vec<Blob>, region: Region, options: &EdgeOptions) -> Detection {
-    let mut sieve = Sieve::of(options);
+    let mut sieve = Sieve::default();
+    sieve.begin(options);
     for blob in blobs {
         sieve.take(blob);
     }
-    sieve.detection(region)
+    sieve.detection(region, options)
 }
 
 fn centroid(blob: &Blob, region: Region, window: Window) -> Centroid {
@@ -149,6 +166,10 @@ mod tests {
         Frame::checked(160, 120, Pixels::Luma(samples), Coding::LOSSLESS).expect("a frame")
     }
 
+    fn detect(frame: &Frame, region: Region, options: &EdgeOptions) -> Detection {
+        Finder::default().detect(frame, region, options)
+    }
+
     #[test]
     fn a_silhouette_is_found_within_its_deviation() {
         let mut rng = random::named("edge discs");
@@ -179,7 +200,7 @@ mod tests {
                     words[2 * row * stride + x / 64] |= 1 << (x % 64);
                 }
             }
-            blobs(&crate::detect::sobel::Bits { width, height: sizes.len() * 2, words })
+            blobs(&Bits { width, height: sizes.len() * 2, words })
         };
         let region = Region { x: 5, y: 7, width: 640, height: 8 };
         let found =

@@ -1,7 +1,7 @@
 //! Colour to gray, the three ways of the seed's section 3.1.1, rounded to the nearest of 256 levels (halves up).
 
-use super::bands::{PIXELS, bands, each_block};
-use crate::frame::color::ycbcr_to_rgb;
+use super::bands::{PIXELS, SAMPLES, bands, each_block};
+use crate::frame::color::write_rgb;
 use crate::frame::{Frame, Pixels, Region};
 
 /// A picture of one sample a pixel, rows from the top without padding.
@@ -16,10 +16,10 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// A black one.
-    #[must_use]
-    pub fn black(width: usize, height: usize) -> Self {
-        Self { width, height, samples: vec![0; width * height] }
+    /// Becomes one of this size; what its samples are is left open.
+    pub(super) fn resize(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
+        self.samples.resize(width * height, 0);
     }
 
     /// Its rows.
@@ -60,11 +60,17 @@ impl Gray {
 /// The gray of the region's pixels.
 #[must_use]
 pub fn gray(frame: &Frame, region: Region, how: Gray) -> Plane {
-    let mut plane = Plane::black(region.width as usize, region.height as usize);
+    let mut plane = Plane::default();
+    take(frame, region, how, &mut plane);
+    plane
+}
+
+/// The same into a plane that is there already.
+pub(super) fn take(frame: &Frame, region: Region, how: Gray, plane: &mut Plane) {
+    plane.resize(region.width as usize, region.height as usize);
     for (y, out) in (region.y..).zip(plane.samples.chunks_exact_mut(region.width as usize)) {
         write_row(frame, region, y, how, out);
     }
-    plane
 }
 
 /// The gray of the region's pixels in row `y` of the frame.
@@ -74,7 +80,14 @@ pub(super) fn write_row(frame: &Frame, region: Region, y: u32, how: Gray, out: &
     match frame.pixels() {
         Pixels::Luma(samples) => gray_of_luma(&samples[start..end], how, out),
         Pixels::Rgb(samples) => gray_row(&samples[3 * start..3 * end], how, out),
-        Pixels::YCbCr(samples) => gray_row(&ycbcr_to_rgb(&samples[3 * start..3 * end]), how, out),
+        Pixels::YCbCr(samples) => {
+            let mut rgb = [0; SAMPLES];
+            for (block, out) in samples[3 * start..3 * end].chunks(SAMPLES).zip(out.chunks_mut(PIXELS)) {
+                let rgb = &mut rgb[..block.len()];
+                write_rgb(block, rgb);
+                gray_row(rgb, how, out);
+            }
+        }
     }
 }
 

@@ -31,6 +31,11 @@ pub(super) fn shortest_half(values: &mut [f32]) -> Option<(f32, f32)> {
 
 /// The slope of most of the samples, in values a pixel, as far as it is more than chance. `None` for too few of them.
 pub(super) fn slope(samples: &[Sample]) -> Option<Vector2<f64>> {
+    slope_in(samples, &mut Vec::new())
+}
+
+/// As [`slope`]; `offs` are what it works with.
+pub(super) fn slope_in(samples: &[Sample], offs: &mut Vec<f32>) -> Option<Vector2<f64>> {
     if samples.len() < MIN_LEVELLED {
         return None;
     }
@@ -38,8 +43,9 @@ pub(super) fn slope(samples: &[Sample]) -> Option<Vector2<f64>> {
     let mut certainty = 0.0;
     for round in 0..3 {
         let off = |s: &Sample| f64::from(s.value) - plane.dot(&Vector3::new(f64::from(s.x), f64::from(s.y), 1.0));
-        let mut offs: Vec<f32> = samples.iter().map(|sample| single(off(sample))).collect();
-        let (middle, noise) = middle(&mut offs)?;
+        offs.clear();
+        offs.extend(samples.iter().map(|sample| single(off(sample))));
+        let (middle, noise) = middle(offs)?;
         let variance = f64::from(noise).hypot(STEP_NOISE).powi(2);
         // First of all samples that are near their median, then of those near the plane.
         let reach = LEVEL_DEVIATIONS * LEVEL_DEVIATIONS * variance;

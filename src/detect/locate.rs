@@ -58,22 +58,43 @@ const MAX_REACH_PX: u32 = 160;
 /// What a patch holds beyond the blob itself at most, px: the ground at its rim, whole pixels.
 const BEYOND_PX: u32 = 5;
 
-/// The ellipse at `seed`; `chroma` is the direction of the marker's hue in the plane of (Cb, Cr). `None` where no ellipse fits.
-#[must_use]
-pub fn locate(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
-    fit::fit(frame, seed, None, &[], chroma, &Likeness::MARKER)
+/// Locates blobs, one after the other in the same memory.
+#[derive(Default)]
+pub struct Locator {
+    fitter: fit::Fitter,
+    lights: light::Lights,
 }
 
-/// The light at `seed`, which outshines what is around it. `None` where it is not apart from others.
-#[must_use]
-pub fn locate_light(frame: &Frame, seed: &Seed) -> Option<Located> {
-    light::locate(frame, seed)
+impl Locator {
+    /// The ellipse at `seed`; `chroma` is the direction of the marker's hue in the plane of (Cb, Cr). `None` where no ellipse fits.
+    #[must_use]
+    pub fn locate(&mut self, frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
+        self.fitter.fit(frame, seed, None, &[], chroma, &Likeness::MARKER)
+    }
+
+    /// The light at `seed`, which outshines what is around it. `None` where it is not apart from others.
+    #[must_use]
+    pub fn locate_light(&mut self, frame: &Frame, seed: &Seed) -> Option<Located> {
+        self.lights.locate(frame, seed)
+    }
+
+    /// The ellipse at `rough`, of which the shape is known: what touches or covers a part of its rim does not bend it, and moves it less.
+    #[must_use]
+    pub fn locate_shaped(
+        &mut self,
+        frame: &Frame,
+        rough: &Seed,
+        shape: &Shape,
+        chroma: Option<Vector2<f64>>,
+    ) -> Option<Located> {
+        self.fitter.fit(frame, rough, Some(shape), &[], chroma, &Likeness::MARKER)
+    }
 }
 
-/// The ellipse at `rough`, of which the shape is known: what touches or covers a part of its rim does not bend it, and moves it less.
+/// The dark disc on white at `seed`, as it is printed on a board; `others` are next to it and are looked past.
 #[must_use]
-pub fn locate_shaped(frame: &Frame, rough: &Seed, shape: &Shape, chroma: Option<Vector2<f64>>) -> Option<Located> {
-    fit::fit(frame, rough, Some(shape), &[], chroma, &Likeness::MARKER)
+pub fn locate_print(frame: &Frame, seed: &Seed, others: &[Seed]) -> Option<Located> {
+    fit::Fitter::default().fit(frame, seed, None, others, None, &Likeness::PRINT)
 }
 
 /// How like an ellipse a rim is that is one.
@@ -127,12 +148,6 @@ impl Likeness {
         by_unevenness: false,
         large: true,
     };
-}
-
-/// The dark disc on white at `seed`, as it is printed on a board; `others` are next to it and are looked past.
-#[must_use]
-pub fn locate_print(frame: &Frame, seed: &Seed, others: &[Seed]) -> Option<Located> {
-    fit::fit(frame, seed, None, others, None, &Likeness::PRINT)
 }
 
 #[cfg(test)]
@@ -201,6 +216,10 @@ mod tests {
     }
 
     const HUE: Option<Vector2<f64>> = Some(Vector2::new(-0.31, 0.95));
+
+    fn locate(frame: &Frame, seed: &Seed, chroma: Option<Vector2<f64>>) -> Option<Located> {
+        Locator::default().locate(frame, seed, chroma)
+    }
 
     fn plain(_: Vector2<f64>) -> [f64; 3] {
         GRAY
@@ -284,7 +303,7 @@ mod tests {
             let shape = Shape { moments: seed.moments, covariance: Matrix3::identity() * 0.02 };
             let error = |found: Option<Located>| (found.expect("located").pixel - scene.centre).norm_squared();
             alone += error(locate(&frame, &seed, HUE));
-            shaped += error(locate_shaped(&frame, &seed, &shape, HUE));
+            shaped += error(Locator::default().locate_shaped(&frame, &seed, &shape, HUE));
         }
         let (alone, shaped) = ((alone / 24.0_f64).sqrt(), (shaped / 24.0_f64).sqrt());
         assert!(shaped < 0.25 && shaped < 0.7 * alone, "{shaped} alone {alone}");

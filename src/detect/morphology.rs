@@ -1,10 +1,10 @@
 //! Binary morphology: closing with a small disk, filling of holes, removal of small areas. Masks hold 0 and 1.
 
-use super::components::{Components, Connectivity, Run, area};
+use super::components::{Components, Connectivity, Labeling, Run, area};
 use crate::frame::Region;
 
 /// A binary picture, one byte a pixel, 0 or 1.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mask {
     /// Columns.
     pub width: usize,
@@ -20,37 +20,47 @@ impl Mask {
         Region { x: 0, y: 0, width: self.width as u32, height: self.height as u32 }
     }
 
-    /// The components of its foreground.
-    #[must_use]
-    pub fn components(&self, connectivity: Connectivity) -> Components {
-        Components::of(&self.pixels, self.width, self.window(), 1, connectivity)
-    }
-
     fn set(&mut self, runs: &[Run], value: u8) {
         for run in runs {
             let row = run.y as usize * self.width;
             self.pixels[row + run.start as usize..row + run.end as usize].fill(value);
         }
     }
+}
+
+/// Works on masks, one after the other in the same memory.
+#[derive(Default)]
+pub struct Morphology {
+    labeling: Labeling,
+    /// Pixels of another mask of the same size.
+    spare: Vec<u8>,
+}
+
+impl Morphology {
+    /// The 8-connected components of a mask's foreground.
+    pub fn components(&mut self, mask: &Mask) -> &Components {
+        self.labeling.of(&mask.pixels, mask.width, mask.window(), 1, Connectivity::Eight)
+    }
 
     /// Clears every 8-connected component of fewer than `least` pixels.
-    pub fn remove_areas_below(&mut self, least: usize) {
-        for runs in self.components(Connectivity::Eight).iter() {
+    pub fn remove_areas_below(&mut self, mask: &mut Mask, least: usize) {
+        for runs in self.components(mask).iter() {
             if area(runs) < least {
-                self.set(runs, 0);
+                mask.set(runs, 0);
             }
         }
     }
 
     /// Sets every 4-connected piece of background that does not reach the border.
-    pub fn fill_holes(&mut self) {
-        let background = Self { pixels: self.pixels.iter().map(|p| 1 - p).collect(), ..*self };
-        let (last_x, last_y) = (self.width, self.height - 1);
-        for runs in background.components(Connectivity::Four).iter() {
+    pub fn fill_holes(&mut self, mask: &mut Mask) {
+        self.spare.clear();
+        self.spare.extend(mask.pixels.iter().map(|pixel| 1 - pixel));
+        let (last_x, last_y) = (mask.width, mask.height - 1);
+        for runs in self.labeling.of(&self.spare, mask.width, mask.window(), 1, Connectivity::Four).iter() {
             let outside =
                 runs.iter().any(|r| r.start == 0 || r.end as usize == last_x || r.y == 0 || r.y as usize == last_y);
             if !outside {
-                self.set(runs, 1);
+                mask.set(runs, 1);
             }
         }
     }
@@ -59,31 +69,27 @@ impl Mask {
     /// neither grows into it nor eats from it.
     ///
     /// The diamond is a cross dilated by a cross, so each half is two passes with the five pixels of a cross.
-    pub fn close_disk_2(&mut self) {
-        for (combine, outside) in [(u8::max as fn(u8, u8) -> u8, 0), (u8::min, 1)] {
-            for _ in 0..2 {
-                self.pixels = self.cross(combine, outside);
-            }
-        }
+    pub fn close_disk_2(&mut self, mask: &mut Mask) {
+        self.cross(mask, u8::max);
+        self.cross(mask, u8::max);
+        self.cross(mask, u8::min);
+        self.cross(mask, u8::min);
     }
 
-    /// Each pixel combined with its four neighbours.
-    fn cross(&self, combine: fn(u8, u8) -> u8, outside: u8) -> Vec<u8> {
-        let (width, height) = (self.width, self.height);
-        let beyond = vec![outside; width];
-        let row = |y: usize| &self.pixels[y * width..(y + 1) * width];
-        let mut out = Vec::with_capacity(self.pixels.len());
-        for y in 0..height {
-            let above = if y == 0 { &beyond } else { row(y - 1) };
-            let below = if y + 1 == height { &beyond } else { row(y + 1) };
-            let here = row(y);
-            for x in 0..width {
-                let left = if x == 0 { outside } else { here[x - 1] };
-                let right = if x + 1 == width { outside } else { here[x + 1] };
-                out.push([above[x], below[x], left, right].into_iter().fold(here[x], combine));
-            }
+    /// Combines each pixel with those of its four neighbours that lie in the picture.
+    fn cross(&mut self, mask: &mut Mask, combine: impl Fn(u8, u8) -> u8) {
+        let width = mask.width;
+        self.spare.clone_from(&mask.pixels);
+        let with = |out: &mut [u8], neighbours: &[u8]| {
+            out.iter_mut().zip(neighbours).for_each(|(out, neighbour)| *out = combine(*out, *neighbour));
+        };
+        with(&mut self.spare[width..], &mask.pixels);
+        with(&mut self.spare, &mask.pixels[width..]);
+        for (out, here) in self.spare.chunks_exact_mut(width).zip(mask.pixels.chunks_exact(width)) {
+            with(&mut out[1..], here);
+            with(out, &here[1..]);
         }
-        out
+        std::mem::swap(&mut mask.pixels, &mut self.spare);
     }
 }
 
@@ -143,21 +149,21 @@ mod tests {
         #[test]
         fn closing_is_that_of_the_definition(mask in masks()) {
             let mut closed = mask.clone();
-            closed.close_disk_2();
+            Morphology::default().close_disk_2(&mut closed);
             prop_assert_eq!(closed.pixels, slow_close(&mask));
         }
 
         #[test]
         fn filling_is_that_of_the_definition(mask in masks()) {
             let mut filled = mask.clone();
-            filled.fill_holes();
+            Morphology::default().fill_holes(&mut filled);
             prop_assert_eq!(filled.pixels, slow_fill(&mask));
         }
 
         #[test]
         fn small_areas_go_and_large_ones_stay(mask in masks(), least in 1_usize..20) {
             let mut opened = mask.clone();
-            opened.remove_areas_below(least);
+            Morphology::default().remove_areas_below(&mut opened, least);
             let mut expected = vec![0; mask.pixels.len()];
             for piece in slow_components(&mask.pixels, mask.width, Connectivity::Eight) {
                 if piece.len() >= least {

@@ -3,7 +3,7 @@
 use super::gray::Plane;
 
 /// Which pixels of a picture are edges, a bit each.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bits {
     /// Columns.
     pub width: usize,
@@ -19,6 +19,12 @@ impl Bits {
     pub const fn stride(&self) -> usize {
         self.width.div_ceil(64)
     }
+
+    /// Becomes those of a picture of this size; which of them are set is left open.
+    pub(super) fn resize(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
+        self.words.resize(self.stride() * height, 0);
+    }
 }
 
 /// Where the magnitude of the gradient is above `threshold_ratio` of full scale, 0 to 1.
@@ -28,21 +34,13 @@ impl Bits {
 /// the nearest pixel, as Matlab's `edge` has it. No root is taken: squares are whole numbers, and comparing them is exact.
 #[must_use]
 pub fn sobel(plane: &Plane, threshold_ratio: f64) -> Bits {
-    let (width, height) = (plane.width, plane.height);
-    let mut bits = Bits { width, height, words: vec![0; width.div_ceil(64) * height] };
-    if bits.words.is_empty() {
-        return bits;
-    }
-    let mut rows = Rows::of_width(width, threshold_ratio);
-    let row = |y: usize| &plane.samples[y * width..(y + 1) * width];
-    let stride = bits.stride();
-    for (y, words) in bits.words.chunks_exact_mut(stride).enumerate() {
-        rows.write([row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1))], words);
-    }
+    let mut bits = Bits::default();
+    Rows::default().edges(plane, threshold_ratio, &mut bits);
     bits
 }
 
-/// Row by row.
+/// Row by row, picture after picture in the same memory.
+#[derive(Default)]
 pub(super) struct Rows {
     sums: Sums,
     mask: Vec<u8>,
@@ -51,28 +49,49 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// For pictures of `width` columns.
-    pub(super) fn of_width(width: usize, threshold_ratio: f64) -> Self {
+    /// Makes room for a picture of `width` columns.
+    pub(super) fn begin(&mut self, width: usize, threshold_ratio: f64) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to what a u16 holds")]
         let threshold = (255.0 * threshold_ratio).powi(2).floor().clamp(0.0, 65_535.0) as u16;
-        Self {
-            sums: Sums { across: vec![0; width + 2], down: vec![0; width + 2] },
-            mask: vec![0; width.next_multiple_of(64)],
-            threshold: (threshold_ratio < 1.0).then_some(threshold),
+        self.threshold = (threshold_ratio < 1.0).then_some(threshold);
+        for sums in [&mut self.sums.across, &mut self.sums.down] {
+            sums.resize(width + 2, 0);
         }
+        // Beyond the row are no edges.
+        self.mask.clear();
+        self.mask.resize(width.next_multiple_of(64), 0);
     }
 
-    /// The edges of the middle of three rows. The words are zero before.
+    /// The edges of the middle of three rows.
     pub(super) fn write(&mut self, [above, here, below]: [&[u8]; 3], words: &mut [u64]) {
-        let Some(threshold) = self.threshold else { return };
+        let Some(threshold) = self.threshold else {
+            words.fill(0);
+            return;
+        };
         self.sums.fill(above, here, below);
         compare(&self.sums.across, &self.sums.down, threshold, &mut self.mask[..here.len()]);
         pack(&self.mask, words);
+    }
+
+    /// As [`sobel`].
+    pub(super) fn edges(&mut self, plane: &Plane, threshold_ratio: f64, bits: &mut Bits) {
+        let (width, height) = (plane.width, plane.height);
+        bits.resize(width, height);
+        if bits.words.is_empty() {
+            return;
+        }
+        self.begin(width, threshold_ratio);
+        let row = |y: usize| &plane.samples[y * width..(y + 1) * width];
+        let stride = bits.stride();
+        for (y, words) in bits.words.chunks_exact_mut(stride).enumerate() {
+            self.write([row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1))], words);
+        }
     }
 }
 
 /// What three rows have in each column, with a column more on each side: the sum smoothed down the column, whose differences are
 /// the gradient across, and the difference down the column, whose smoothed sums are the gradient down.
+#[derive(Default)]
 struct Sums {
     across: Vec<i16>,
     down: Vec<i16>,
@@ -117,6 +136,7 @@ fn compare(across: &[i16], down: &[i16], threshold: u16, mask: &mut [u8]) {
 fn pack(mask: &[u8], words: &mut [u64]) {
     for (word, pixels) in words.iter_mut().zip(mask.as_chunks::<64>().0) {
         if pixels.iter().fold(0, |any, pixel| any | pixel) == 0 {
+            *word = 0;
             continue;
         }
         let eights = pixels.as_chunks::<8>().0.iter().enumerate();

@@ -5,8 +5,10 @@
 //! 8-connected components are the markers and their mean positions the centroids. Exact where the seed is; it fails where
 //! the seed fails (no marker in the frame still gives thresholds, and so blobs).
 
-use super::components::{Connectivity, area, bounds, mean_position};
-use super::morphology::Mask;
+use std::cmp::Reverse;
+
+use super::components::{area, bounds, mean_position};
+use super::morphology::{Mask, Morphology};
 use super::threshold::{histogram, otsu};
 use super::{Centroid, Detection, bounds_in_frame, in_frame};
 use crate::frame::{Frame, Region};
@@ -17,17 +19,31 @@ const LEAST_AREA: usize = 10;
 /// What remains when a blob is large: colour sampled at half the rate, and an outline that is not quite symmetric.
 const FLOOR_SIGMA_PX: f64 = 0.15;
 
-/// The seed's centroids in `region`, the largest first. Binary centroids carry no intensity, so their score is 1.
-#[must_use]
-pub fn detect(frame: &Frame, region: Region) -> Detection {
-    let rgb = frame.rgb();
-    let mask = red_mask(&rgb, frame.width() as usize, region);
-    let mut centroids: Vec<Centroid> = mask
-        .components(Connectivity::Eight)
-        .iter()
-        .map(|runs| {
+/// Finds what is red, frame after frame, in the same memory.
+#[derive(Default)]
+pub struct Finder {
+    /// Of a frame that is stored otherwise.
+    rgb: Vec<u8>,
+    mask: Mask,
+    morphology: Morphology,
+    /// Areas of components, and their numbers.
+    areas: Vec<(usize, usize)>,
+}
+
+impl Finder {
+    /// The seed's centroids in `region`, the largest first. Binary centroids carry no intensity, so their score is 1.
+    #[must_use]
+    pub fn detect(&mut self, frame: &Frame, region: Region) -> Detection {
+        let Self { rgb, mask, morphology, areas } = self;
+        mark_red(frame.rgb_in(rgb), frame.width() as usize, region, mask, morphology);
+        let components = morphology.components(mask);
+        areas.clear();
+        areas.extend(components.iter().map(area).zip(0..));
+        areas.sort_unstable_by_key(|(area, number)| (Reverse(*area), *number));
+        let centroid = |(area, number): &(usize, usize)| {
+            let runs = components.runs(*number);
             let (x, y) = mean_position(runs);
-            let area_px = area(runs) as f64;
+            let area_px = *area as f64;
             Centroid {
                 pixel: in_frame(region, x, y),
                 sigma_px: outline_sigma_px(area_px).hypot(FLOOR_SIGMA_PX),
@@ -37,10 +53,9 @@ pub fn detect(frame: &Frame, region: Region) -> Detection {
                 class: None,
                 track_id: None,
             }
-        })
-        .collect();
-    centroids.sort_by(|a, b| b.area_px.total_cmp(&a.area_px));
-    Detection { centroids, refused: Vec::new() }
+        };
+        Detection { centroids: areas.iter().map(centroid).collect(), refused: Vec::new() }
+    }
 }
 
 /// Standard deviation of a binary disc's mean position: every pixel of the outline falls in or out by chance (variance 1/12
@@ -50,23 +65,22 @@ pub(super) fn outline_sigma_px(area_px: f64) -> f64 {
     (12.0 * std::f64::consts::PI * radius).recip().sqrt()
 }
 
-/// The mask of what is red, in the region's own coordinates.
-#[must_use]
-pub fn red_mask(rgb: &[u8], frame_width: usize, region: Region) -> Mask {
-    let (width, height) = (region.width as usize, region.height as usize);
+/// Makes `mask` that of what is red, in the region's own coordinates.
+fn mark_red(rgb: &[u8], frame_width: usize, region: Region, mask: &mut Mask, morphology: &mut Morphology) {
+    (mask.width, mask.height) = (region.width as usize, region.height as usize);
     let rows = || {
-        (0..height).flat_map(|row| {
+        (0..region.height as usize).flat_map(|row| {
             let start = (row + region.y as usize) * frame_width + region.x as usize;
-            rgb[start * 3..(start + width) * 3].chunks_exact(3)
+            rgb[start * 3..(start + region.width as usize) * 3].as_chunks::<3>().0
         })
     };
     let [red, green, blue] = [0, 1, 2].map(|band| otsu(&histogram(rows().map(|pixel| pixel[band]))));
-    let pixels = rows().map(|p| u8::from(p[0] >= red && p[1] <= green && p[2] <= blue)).collect();
-    let mut mask = Mask { width, height, pixels };
-    mask.remove_areas_below(LEAST_AREA);
-    mask.close_disk_2();
-    mask.fill_holes();
-    mask
+    mask.pixels.clear();
+    mask.pixels.reserve(region.area());
+    mask.pixels.extend(rows().map(|p| u8::from(p[0] >= red && p[1] <= green && p[2] <= blue)));
+    morphology.remove_areas_below(mask, LEAST_AREA);
+    morphology.close_disk_2(mask);
+    morphology.fill_holes(mask);
 }
 
 #[cfg(test)]
@@ -85,6 +99,16 @@ mod tests {
             })
             .collect();
         Frame::checked(width, height, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a good frame")
+    }
+
+    fn detect(frame: &Frame, region: Region) -> Detection {
+        Finder::default().detect(frame, region)
+    }
+
+    fn red_mask(rgb: &[u8], frame_width: usize, region: Region) -> Mask {
+        let mut mask = Mask::default();
+        mark_red(rgb, frame_width, region, &mut mask, &mut Morphology::default());
+        mask
     }
 
     #[test]

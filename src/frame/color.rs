@@ -1,13 +1,10 @@
 //! Conversions between colour spaces, full range BT.601 as in JFIF, and between codes and light, the curve of sRGB.
 
-/// Interleaved `YCbCr` to interleaved RGB, rounded to nearest.
-#[must_use]
-pub fn ycbcr_to_rgb(samples: &[u8]) -> Vec<u8> {
-    let mut rgb = Vec::with_capacity(samples.len());
-    for pixel in samples.chunks_exact(3) {
-        rgb.extend(rgb_of_ycbcr([pixel[0], pixel[1], pixel[2]]));
+/// Interleaved `YCbCr` to interleaved RGB, as many samples, rounded to nearest.
+pub fn write_rgb(ycbcr: &[u8], rgb: &mut [u8]) {
+    for (pixel, rgb) in ycbcr.as_chunks::<3>().0.iter().zip(rgb.as_chunks_mut::<3>().0) {
+        *rgb = rgb_of_ycbcr(*pixel);
     }
-    rgb
 }
 
 /// One pixel from `YCbCr` to RGB.

@@ -3,7 +3,7 @@
 use super::{Frame, FrameError, Pixels};
 
 /// A region of interest: pixels `x .. x + width`, `y .. y + height`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Region {
     /// Left column.
     pub x: u32,

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix6, SymmetricEigen, Vector3};
 
 use crate::camera::Camera;
 use crate::detect::locate::Shape;
-use crate::detect::{Centroid, Detector};
+use crate::detect::{Centroid, Detector, Workspace};
 use crate::frame::Frame;
 use crate::geometry::CameraFromTarget;
 use crate::identify::{Hypothesis, Identified};
@@ -35,28 +35,37 @@ const RIM_SIGMA_PX: f64 = 0.05;
 /// How far a disc is from round, of its radius.
 const BENT_SIGMA_RATIO: f64 = 0.01;
 
-/// Locates once more those of `centroids` that are markers of the target.
-pub(super) fn look_again(
-    frame: &Frame,
-    camera: &Camera,
-    target: &Target,
-    identified: &Identified,
-    detector: &Detector,
-    centroids: &mut [Centroid],
-) {
-    let Hypothesis { blob_of_marker, answer, probability } = &identified.hypotheses[0];
-    if *probability < MIN_PROBABILITY {
-        return;
-    }
-    let shapes: Vec<(usize, Shape)> = blob_of_marker
-        .iter()
-        .enumerate()
-        .filter_map(|(marker, blob)| Some(((*blob)?, shape(camera, target, marker, answer)?)))
-        .collect();
-    let size = Size::of(&shapes, centroids);
-    for (blob, shape) in shapes {
-        if let Some(again) = detector.located_again(frame, &centroids[blob], &size.apply(&shape)) {
-            centroids[blob] = again;
+/// What is looked at once more, in what memory and for what.
+pub(super) struct Looking<'a> {
+    pub frame: &'a Frame,
+    pub workspace: &'a mut Workspace,
+    pub detector: &'a Detector,
+}
+
+impl Looking<'_> {
+    /// Locates once more those of `centroids` that are markers of the target.
+    pub(super) fn look_again(
+        &mut self,
+        camera: &Camera,
+        target: &Target,
+        identified: &Identified,
+        centroids: &mut [Centroid],
+    ) {
+        let Hypothesis { blob_of_marker, answer, probability } = &identified.hypotheses[0];
+        if *probability < MIN_PROBABILITY {
+            return;
+        }
+        let shapes: Vec<(usize, Shape)> = blob_of_marker
+            .iter()
+            .enumerate()
+            .filter_map(|(marker, blob)| Some(((*blob)?, shape(camera, target, marker, answer)?)))
+            .collect();
+        let size = Size::of(&shapes, centroids);
+        for (blob, shape) in shapes {
+            let again = self.detector.located_again(self.workspace, self.frame, &centroids[blob], &size.apply(&shape));
+            if let Some(again) = again {
+                centroids[blob] = again;
+            }
         }
     }
 }

@@ -47,7 +47,7 @@ use tokio::sync::broadcast;
 use told::Told;
 use workers::Workers;
 
-use crate::detect::Watch;
+use crate::detect::{Watch, Workspace};
 
 /// The service without its doors.
 #[derive(Debug)]
@@ -300,11 +300,11 @@ impl Service {
         let terms = Terms::of(&self.settings);
         let task = compute::FrameTask::checked(request, &self.lookup()).await?;
         let mut turn = self.turn(&task, deadline).await?;
-        let work = move || {
-            let (frame, detection, timing) = task.seen(Seen::Bytes(&frame), &terms, turn.as_deref_mut())?;
+        let work = move |workspace: &mut Workspace| {
+            let (frame, detection, timing) = task.seen(Seen::Bytes(&frame), &terms, turn.as_deref_mut(), workspace)?;
             Ok(task.detection_reply(&frame, &detection, turn.as_deref(), timing))
         };
-        self.workers.run(deadline, work).await?
+        self.workers.look(deadline, work).await?
     }
 
     /// What is known of the sequence that a frame belongs to, for it alone. The turn ends with the work, so that a worker never waits for
@@ -333,10 +333,11 @@ impl Service {
         let terms = Terms::of(&self.settings);
         let task = compute::FrameTask::for_estimate(request, &self.lookup()).await?;
         let mut turn = self.turn(&task, deadline).await?;
-        let work = move || {
-            let (frame, estimate, timing) = task.estimated(Seen::Bytes(&frame), &terms, turn.as_deref_mut())?;
+        let work = move |workspace: &mut Workspace| {
+            let seen = Seen::Bytes(&frame);
+            let (frame, estimate, timing) = task.estimated(seen, &terms, turn.as_deref_mut(), workspace)?;
             Ok(task.estimate_reply(&frame, &estimate, turn.as_deref(), timing))
         };
-        self.workers.run(deadline, work).await?
+        self.workers.look(deadline, work).await?
     }
 }

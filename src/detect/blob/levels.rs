@@ -7,11 +7,13 @@
 //! What a frame costs is bounded whatever it shows: tiles that are all texture at a level wait for a higher one
 //! ([`Tiles`]), and of the components of a level only the largest are examined.
 
+use std::cmp::Reverse;
+
 use nalgebra::Matrix2;
 
 use super::tiles::Tiles;
 use super::{BlobOptions, Picture, Verdict, examine};
-use crate::detect::components::{Components, Connectivity, Run, area, bounds};
+use crate::detect::components::{Components, Connectivity, Labeling, Run, area, bounds};
 use crate::detect::{Centroid, Refusal, Refused};
 use crate::frame::Region;
 
@@ -24,72 +26,109 @@ const MAX_EXAMINED: usize = 128;
 /// Windows that are searched one by one at a level; more become one, which costs less than to sort them out.
 const MAX_WINDOWS: usize = 256;
 
-/// What a search ends with.
-#[derive(Default)]
-pub(super) struct Found {
-    /// Markers, each with the second moments of its area, px^2.
-    pub markers: Vec<(Centroid, Matrix2<f64>)>,
-    pub refused: Vec<Refused>,
+/// A blob that is one.
+pub(super) struct Marker {
+    /// How many were found before it.
+    pub number: usize,
+    /// In the picture.
+    pub centroid: Centroid,
+    /// Second moments of its area, px^2.
+    pub moments: Matrix2<f64>,
 }
 
-pub(super) fn search(picture: &Picture<'_>, options: &BlobOptions) -> Found {
-    let mut found = Found::default();
-    let mut windows = vec![picture.window()];
-    let mut level = (0.5 * options.min_contrast).max(1.0);
-    while !windows.is_empty() && level < 255.0 {
-        #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "1 to 255")]
-        let threshold = level.ceil() as u8;
-        let mut again: Vec<Region> = Vec::new();
-        let mut examined = 0;
-        for window in &windows {
-            let tiles = Tiles::of(picture, *window, threshold);
-            again.extend(tiles.busy());
-            let width = picture.width as usize;
-            let components = Components::within(picture.score, width, &tiles.open(), threshold, Connectivity::Eight);
-            for runs in largest(&components, MAX_EXAMINED.saturating_sub(examined)) {
-                let whole = bounds(runs);
-                // Taken at a lower level, or as part of an overlapping window.
-                if found.markers.iter().any(|(c, _)| overlaps(c.bounds, whole)) {
-                    continue;
-                }
-                if tiles.cut(whole) {
-                    again.push(whole);
-                    continue;
-                }
-                examined += 1;
-                match examine(picture, runs, options) {
-                    Verdict::Marker(centroid, moments) => found.markers.push((centroid, moments)),
-                    Verdict::LookHigher(_) if level * LEVEL_RATIO < f64::from(peak(picture, runs)) => again.push(whole),
-                    Verdict::LookHigher(reason) | Verdict::Refused(reason) => {
-                        found.refused.push(refused(runs, whole, reason));
+/// Searches, picture after picture, in the same memory.
+#[derive(Default)]
+pub(super) struct Search {
+    markers: Vec<Marker>,
+    /// What is searched at a level, and at the next.
+    windows: Vec<Region>,
+    again: Vec<Region>,
+    tiles: Tiles,
+    labeling: Labeling,
+    largest: Largest,
+    /// What of a component is above half its height.
+    parts: Labeling,
+}
+
+impl Search {
+    /// The markers, in the order in which they were found; `refuse` hears of what is none.
+    pub(super) fn markers(
+        &mut self,
+        picture: &Picture<'_>,
+        options: &BlobOptions,
+        mut refuse: impl FnMut(Refused),
+    ) -> &mut [Marker] {
+        let Self { markers, windows, again, tiles, labeling, largest, parts } = self;
+        markers.clear();
+        windows.clear();
+        windows.push(picture.window());
+        let mut level = (0.5 * options.min_contrast).max(1.0);
+        while !windows.is_empty() && level < 255.0 {
+            #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "1 to 255")]
+            let threshold = level.ceil() as u8;
+            again.clear();
+            let mut examined = 0;
+            for window in &*windows {
+                tiles.look(picture, *window, threshold);
+                again.extend(tiles.busy());
+                let width = picture.width as usize;
+                let components = labeling.within(picture.score, width, tiles.open(), threshold, Connectivity::Eight);
+                for number in largest.of(components, MAX_EXAMINED.saturating_sub(examined)) {
+                    let runs = components.runs(number);
+                    let whole = bounds(runs);
+                    // Taken at a lower level, or as part of an overlapping window.
+                    if markers.iter().any(|marker| overlaps(marker.centroid.bounds, whole)) {
+                        continue;
+                    }
+                    if tiles.cut(whole) {
+                        again.push(whole);
+                        continue;
+                    }
+                    examined += 1;
+                    match examine(picture, runs, options, parts) {
+                        Verdict::Marker(centroid, moments) => {
+                            markers.push(Marker { number: markers.len(), centroid, moments });
+                        }
+                        Verdict::LookHigher(_) if level * LEVEL_RATIO < f64::from(peak(picture, runs)) => {
+                            again.push(whole);
+                        }
+                        Verdict::LookHigher(reason) | Verdict::Refused(reason) => refuse(refused(runs, whole, reason)),
                     }
                 }
             }
+            merge(again, windows);
+            level *= LEVEL_RATIO;
         }
-        windows = merged(again);
-        level *= LEVEL_RATIO;
+        markers
     }
-    found
 }
 
 fn refused(runs: &[Run], whole: Region, reason: Refusal) -> Refused {
     Refused { pixel: middle(whole), area_px: area(runs) as f64, bounds: whole, reason }
 }
 
-/// The largest components, in reading order. Less than two pixels no marker has even at half height, and a noisy frame has them
-/// without number.
-fn largest(components: &Components, most: usize) -> Vec<&[Run]> {
-    let mut list: Vec<(usize, &[Run])> =
-        components.iter().map(|runs| (area(runs), runs)).filter(|(area, _)| *area >= 2).collect();
-    if list.len() > most {
-        let key = |(area, runs): &(usize, &[Run])| (std::cmp::Reverse(*area), runs[0].y, runs[0].start);
-        if most > 0 {
-            list.select_nth_unstable_by_key(most - 1, key);
+/// Areas of components, and their numbers.
+#[derive(Default)]
+struct Largest {
+    list: Vec<(usize, usize)>,
+}
+
+impl Largest {
+    /// The numbers of the largest components, in reading order. Less than two pixels no marker has even at half height, and a noisy frame
+    /// has them without number.
+    fn of(&mut self, components: &Components, most: usize) -> impl Iterator<Item = usize> {
+        let areas = components.iter().map(area).zip(0..);
+        self.list.clear();
+        self.list.extend(areas.filter(|(area, _)| *area >= 2));
+        if self.list.len() > most {
+            if most > 0 {
+                self.list.select_nth_unstable_by_key(most - 1, |(area, number)| (Reverse(*area), *number));
+            }
+            self.list.truncate(most);
+            self.list.sort_unstable_by_key(|(_, number)| *number);
         }
-        list.truncate(most);
-        list.sort_unstable_by_key(|(_, runs)| (runs[0].y, runs[0].start));
+        self.list.iter().map(|(_, number)| *number)
     }
-    list.into_iter().map(|(_, runs)| runs).collect()
 }
 
 fn peak(picture: &Picture<'_>, runs: &[Run]) -> u8 {
@@ -111,18 +150,17 @@ fn union(a: Region, b: Region) -> Region {
     Region { x, y, width: right - x, height: bottom - y }
 }
 
-/// Overlapping windows become one, so that no pixel is searched twice at one level.
-fn merged(mut windows: Vec<Region>) -> Vec<Region> {
-    if windows.len() > MAX_WINDOWS {
-        return windows.into_iter().reduce(union).into_iter().collect();
+/// Overlapping windows of `from` become one of `into`, so that no pixel is searched twice at one level.
+fn merge(from: &mut Vec<Region>, into: &mut Vec<Region>) {
+    into.clear();
+    if from.len() > MAX_WINDOWS {
+        into.extend(from.drain(..).reduce(union));
     }
-    let mut separate: Vec<Region> = Vec::new();
-    while let Some(mut window) = windows.pop() {
-        while let Some(index) = separate.iter().position(|other| overlaps(window, *other)) {
-            let other = separate.swap_remove(index);
+    while let Some(mut window) = from.pop() {
+        while let Some(index) = into.iter().position(|other| overlaps(window, *other)) {
+            let other = into.swap_remove(index);
             window = union(window, other);
         }
-        separate.push(window);
+        into.push(window);
     }
-    separate
 }

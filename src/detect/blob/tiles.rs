@@ -22,41 +22,51 @@ enum Tile {
     Busy,
 }
 
-/// A window cut into tiles.
+/// A window cut into tiles, one after the other in the same memory.
+#[derive(Default)]
 pub(super) struct Tiles {
     window: Region,
     columns: usize,
     kinds: Vec<Tile>,
+    /// Beginnings of runs: of each tile, and of each column of a row of tiles.
+    starts: Vec<u32>,
+    counts: Vec<u8>,
+    open: Vec<Region>,
 }
 
 impl Tiles {
-    /// The tiles of `window` at a level.
-    pub(super) fn of(picture: &Picture<'_>, window: Region, threshold: u8) -> Self {
+    /// Looks at the tiles of `window` at a level.
+    pub(super) fn look(&mut self, picture: &Picture<'_>, window: Region, threshold: u8) {
         let width = window.width as usize;
-        let columns = width.div_ceil(SIDE);
+        self.window = window;
+        self.columns = width.div_ceil(SIDE);
         let row = |y: u32| {
             let start = y as usize * picture.width as usize + window.x as usize;
             &picture.score[start..start + width]
         };
-        let mut tiles: Vec<u32> = Vec::with_capacity(columns * (window.height as usize).div_ceil(SIDE));
-        let mut counts = vec![0; columns * SIDE];
+        self.starts.clear();
+        self.counts.resize(self.columns * SIDE, 0);
         for top in (window.y..window.y + window.height).step_by(SIDE) {
-            counts.fill(0);
+            self.counts.fill(0);
             for y in (top..window.y + window.height).take(SIDE) {
-                count_starts(row(y), threshold, &mut counts);
+                count_starts(row(y), threshold, &mut self.counts);
             }
-            let blocks = counts.as_chunks::<SIDE>().0;
-            tiles.extend(blocks.iter().map(|starts| starts.iter().map(|count| u32::from(*count)).sum::<u32>()));
+            let blocks = self.counts.as_chunks::<SIDE>().0;
+            self.starts.extend(blocks.iter().map(|starts| starts.iter().map(|count| u32::from(*count)).sum::<u32>()));
         }
-        let most = most_starts(&tiles, window.area());
-        let kind = |starts: u32| match starts {
+        let most = most_starts(&self.starts, window.area());
+        let kind = |starts: &u32| match *starts {
             0 => Tile::Empty,
             starts if starts > most => Tile::Busy,
             _ => Tile::Open,
         };
-        let mut tiles = Self { window, columns, kinds: tiles.into_iter().map(kind).collect() };
-        tiles.open_what_runs_enter();
-        tiles
+        self.kinds.clear();
+        self.kinds.extend(self.starts.iter().map(kind));
+        self.open_what_runs_enter();
+        let mut open = std::mem::take(&mut self.open);
+        open.clear();
+        open.extend(self.strips(Tile::Open));
+        self.open = open;
     }
 
     /// A run may begin in one tile and end in the next, which has no beginning of its own: what stands right of an open tile is
@@ -72,37 +82,34 @@ impl Tiles {
     }
 
     /// The tiles to be searched, joined along the rows.
-    pub(super) fn open(&self) -> Vec<Region> {
-        self.strips(Tile::Open)
+    pub(super) fn open(&self) -> &[Region] {
+        &self.open
     }
 
     /// The tiles that wait for a higher level, joined along the rows and with a margin, so that those that touch overlap.
-    pub(super) fn busy(&self) -> Vec<Region> {
-        let grown = |strip: Region| {
+    pub(super) fn busy(&self) -> impl Iterator<Item = Region> {
+        self.strips(Tile::Busy).map(|strip| {
             let (x, y) = (strip.x.saturating_sub(1).max(self.window.x), strip.y.saturating_sub(1).max(self.window.y));
             let right = (strip.x + strip.width + 1).min(self.window.x + self.window.width);
             let bottom = (strip.y + strip.height + 1).min(self.window.y + self.window.height);
             Region { x, y, width: right - x, height: bottom - y }
-        };
-        self.strips(Tile::Busy).into_iter().map(grown).collect()
+        })
     }
 
-    fn strips(&self, kind: Tile) -> Vec<Region> {
+    fn strips(&self, kind: Tile) -> impl Iterator<Item = Region> {
         let window = self.window;
-        let mut strips = Vec::new();
-        for (row, top) in self.kinds.chunks_exact(self.columns.max(1)).zip((window.y..).step_by(SIDE)) {
-            let mut at = 0;
-            for same in row.chunk_by(|a, b| a == b) {
-                if same[0] == kind {
-                    let x = window.x + as_u32(at * SIDE);
-                    let right = (window.x + as_u32((at + same.len()) * SIDE)).min(window.x + window.width);
-                    let height = as_u32(SIDE).min(window.y + window.height - top);
-                    strips.push(Region { x, y: top, width: right - x, height });
-                }
-                at += same.len();
-            }
-        }
-        strips
+        let rows = self.kinds.chunks_exact(self.columns.max(1)).zip((window.y..).step_by(SIDE));
+        rows.flat_map(move |(row, top)| {
+            let mut next = 0;
+            row.chunk_by(|a, b| a == b).filter_map(move |same| {
+                let at = next;
+                next += same.len();
+                let x = window.x + as_u32(at * SIDE);
+                let right = (window.x + as_u32(next * SIDE)).min(window.x + window.width);
+                let height = as_u32(SIDE).min(window.y + window.height - top);
+                (same[0] == kind).then_some(Region { x, y: top, width: right - x, height })
+            })
+        })
     }
 
     /// Whether something with these bounds may go on in a tile that was left out.
@@ -153,12 +160,17 @@ fn count_starts(row: &[u8], threshold: u8, counts: &mut [u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detect::components::{Components, Connectivity};
+    use crate::detect::components::{Components, Connectivity, Labeling};
     use crate::frame::Coding;
 
     fn tiles_of(score: &[u8], window: Region) -> Tiles {
         let coding = Coding::LOSSLESS;
-        Tiles::of(&Picture { score, width: 200, height: 150, coding, frame_area: 30_000.0 }, window, 10)
+        let mut tiles = Tiles::default();
+        // Another window before leaves nothing behind.
+        for window in [Region { x: 0, y: 0, width: 150, height: 140 }, window] {
+            tiles.look(&Picture { score, width: 200, height: 150, coding, frame_area: 30_000.0 }, window, 10);
+        }
+        tiles
     }
 
     #[test]
@@ -174,8 +186,9 @@ mod tests {
         }
         let window = Region { x: 3, y: 2, width: 197, height: 148 };
         let tiles = tiles_of(&score, window);
-        assert!(!tiles.busy().is_empty());
-        let found = Components::within(&score, 200, &tiles.open(), 10, Connectivity::Eight);
+        assert!(tiles.busy().next().is_some());
+        let mut labeling = Labeling::default();
+        let found = labeling.within(&score, 200, tiles.open(), 10, Connectivity::Eight);
         let whole = Components::of(&score, 200, Region { height: 76, ..window }, 10, Connectivity::Eight);
         assert_eq!(found.iter().next(), whole.iter().next());
         assert_eq!(found.iter().nth(1), whole.iter().nth(1));

@@ -6,14 +6,14 @@ use super::HueRange;
 use crate::detect::bands::{PIXELS, SAMPLES, bands, each_block};
 use crate::frame::{Frame, Pixels, Region};
 
-/// Scores of the region's pixels, 0 to 255, rows without padding; `None` for a frame without colour.
+/// Fills `scores` with those of the region's pixels, 0 to 255, rows without padding; `false` for a frame without colour.
 ///
 /// The score is the smaller of two linear forms of the pixel's three samples. It saturates at chroma 255, which no colour
 /// reaches.
-pub(super) fn score(frame: &Frame, region: Region, hue: &HueRange) -> Option<Vec<u8>> {
+pub(super) fn score(frame: &Frame, region: Region, hue: &HueRange, scores: &mut Vec<u8>) -> bool {
     let edges = hue.edges();
     let (samples, forms) = match frame.pixels() {
-        Pixels::Luma(_) => return None,
+        Pixels::Luma(_) => return false,
         Pixels::YCbCr(samples) => (samples, edges.map(of_ycbcr)),
         Pixels::Rgb(samples) => (samples, edges.map(of_rgb)),
     };
@@ -23,17 +23,15 @@ pub(super) fn score(frame: &Frame, region: Region, hue: &HueRange) -> Option<Vec
         Pixels::Rgb(_) | Pixels::Luma(_) => None,
     };
     let width = region.width as usize;
-    let mut scores = vec![0; region.area()];
+    scores.resize(region.area(), 0);
     for (y, row) in (region.y..).zip(scores.chunks_exact_mut(width)) {
         let start = (y as usize * frame.width() as usize + region.x as usize) * 3;
         score_row(&samples[start..start + width * 3], scoring, gate.as_ref(), row);
     }
-    Some(scores)
+    true
 }
 
-/// The scores of a row of zeros. Compiled for wider registers too, and chosen when the program runs.
-///
-/// Most of a sky scores nothing: there nothing is written, and memory that was never touched stays so.
+/// The scores of a row. Compiled for wider registers too, and chosen when the program runs.
 #[multiversion::multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512vl+avx512vbmi",
     "x86_64+avx2",
@@ -43,6 +41,8 @@ fn score_row(samples: &[u8], scoring: Scoring, gate: Option<&Gate>, scores: &mut
     each_block(samples, scores, |block, out| {
         if gate.is_none_or(|gate| gate.lets_through(block)) {
             scoring.write(block, out);
+        } else {
+            out.fill(0);
         }
     });
 }
@@ -145,7 +145,6 @@ impl Scoring {
     fn write(self, block: &[u8; SAMPLES], out: &mut [u8; PIXELS]) {
         let [first, second, third] = bands(block);
         let [a, b] = self.forms;
-        let (mut scores, mut any) = ([0; PIXELS], 0);
         for i in 0..PIXELS {
             let [first, second, third] = [first[i], second[i], third[i]].map(centred);
             let of = |form: Fixed| {
@@ -154,11 +153,7 @@ impl Scoring {
             };
             #[expect(clippy::cast_sign_loss, reason = "clamped to 0..=255")]
             let score = (of(a).min(of(b)) >> self.bits).clamp(0, 255) as u8;
-            scores[i] = score;
-            any |= score;
-        }
-        if any != 0 {
-            *out = scores;
+            out[i] = score;
         }
     }
 }
@@ -216,7 +211,11 @@ mod tests {
             let native = frame(Pixels::YCbCr(pixels.iter().flat_map(|p| ycbcr_of_rgb(*p)).collect()));
             let half_width_deg = if narrow { 5.0 } else { HueRange::NAMED_HALF_WIDTH_DEG };
             let hue = HueRange { centre_deg, half_width_deg };
-            let (a, b) = (score(&rgb, rgb.full(), &hue).expect("colour"), score(&native, native.full(), &hue).expect("colour"));
+            let [a, b] = [&rgb, &native].map(|frame| {
+                let mut scores = Vec::new();
+                assert!(score(frame, frame.full(), &hue, &mut scores), "colour");
+                scores
+            });
             for ((a, b), rgb) in a.iter().zip(&b).zip(&pixels) {
                 let exact = exact_score(&hue, *rgb);
                 // Half for rounding, and what three products lose; in sectors of a few degrees weights are ten times larger.
@@ -238,7 +237,8 @@ mod tests {
             let edges = HueRange { centre_deg, half_width_deg }.edges();
             let scoring = Scoring::of(if is_rgb { edges.map(of_rgb) } else { edges.map(of_ycbcr) });
             let gate = Gate::of(edges, scoring.bits).filter(|_| !is_rgb);
-            let mut scores = vec![0; pixels.len()];
+            // Whatever stood there before.
+            let mut scores = vec![9; pixels.len()];
             score_row(&pixels.concat(), scoring, gate.as_ref(), &mut scores);
             let slow: Vec<u8> = pixels.iter().map(|pixel| slow_score(&scoring, *pixel)).collect();
             prop_assert_eq!(scores, slow);

@@ -27,9 +27,9 @@ pub struct Blob {
     /// The pixels that it spans.
     pub bounds: Region,
     /// The sum of its pixels' columns.
-    columns_total: u64,
+    pub(super) columns_total: u64,
     /// The sum of its pixels' rows.
-    rows_total: u64,
+    pub(super) rows_total: u64,
 }
 
 impl Blob {
@@ -57,21 +57,37 @@ impl Blob {
 #[must_use]
 pub fn blobs(bits: &Bits) -> Vec<Blob> {
     let mut found = Vec::new();
-    each(bits, |blob| found.push(blob));
+    each(&mut Joining::default(), bits, |blob| found.push(blob));
     found
 }
 
 /// Not yet known.
 const NO_LABEL: u32 = u32::MAX;
 
+/// What pieces are joined in, picture after picture.
+#[derive(Default)]
+pub(super) struct Joining {
+    strip: Strip,
+    above: Runs,
+    here: Runs,
+    /// Pixels of a strip that touch the one above.
+    touching: Runs,
+    labels_above: Vec<u32>,
+    labels: Vec<u32>,
+    open: Open,
+}
+
 /// Hands out every component as soon as it has ended, so that only those are kept that a row meets: a frame of noise has a
 /// hundred thousand, of which a few hundred are open at a time.
 #[multiversion::multiversion(targets("x86_64+popcnt+bmi1+bmi2+lzcnt", "x86_64+popcnt"))]
-pub(super) fn each<F: FnMut(Blob)>(bits: &Bits, mut ended: F) {
-    let mut strip = Strip::like(bits);
-    let [mut above, mut here, mut touching] = [(); 3].map(|()| Runs::of(strip.words()));
-    let (mut labels_above, mut labels): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
-    let mut open = Open::default();
+pub(super) fn each<F: FnMut(Blob)>(joining: &mut Joining, bits: &Bits, mut ended: F) {
+    let Joining { strip, above, here, touching, labels_above, labels, open } = joining;
+    strip.begin(bits);
+    for runs in [&mut *above, &mut *here, &mut *touching] {
+        runs.begin(strip.words());
+    }
+    labels_above.clear();
+    open.clear();
     for (y, rows) in (0..).step_by(2).zip(bits.words.chunks(2 * bits.stride().max(1))) {
         strip.next(rows);
         here.read(strip.columns());
@@ -94,15 +110,15 @@ pub(super) fn each<F: FnMut(Blob)>(bits: &Bits, mut ended: F) {
         if !labels.is_empty() {
             strip.find_squares();
         }
-        for (run, label) in here.iter().zip(&mut labels) {
+        for (run, label) in here.iter().zip(&mut *labels) {
             let sum = strip.sum(run, y);
             *label = if *label == NO_LABEL { open.start(sum, y) } else { open.grow(*label, &sum, y) };
         }
-        open.close(&labels_above, y, |sum| ended(sum.blob()));
-        std::mem::swap(&mut above, &mut here);
-        std::mem::swap(&mut labels_above, &mut labels);
+        open.close(labels_above, y, |sum| ended(sum.blob()));
+        std::mem::swap(above, here);
+        std::mem::swap(labels_above, labels);
     }
-    open.close(&labels_above, u32::MAX, |sum| ended(sum.blob()));
+    open.close(labels_above, u32::MAX, |sum| ended(sum.blob()));
 }
 
 #[cfg(test)]

@@ -6,34 +6,36 @@ use super::{Blob, EdgeOptions, centroid};
 use crate::detect::{Detection, MAX_REFUSED, Refusal, Refused, bounds_in_frame};
 use crate::frame::Region;
 
-/// What is large enough, and what was refused, as far as it is told.
-pub(super) struct Sieve<'a> {
-    options: &'a EdgeOptions,
+/// What is large enough, and what was refused, as far as it is told; picture after picture in the same memory.
+#[derive(Default)]
+pub(super) struct Sieve {
+    min_area_px: f64,
     large: Largest,
     small: Largest,
 }
 
-impl<'a> Sieve<'a> {
-    /// An empty one.
-    pub(super) fn of(options: &'a EdgeOptions) -> Self {
-        let most_large = options.max_centroids.saturating_add(MAX_REFUSED);
-        Self { options, large: Largest::of(most_large), small: Largest::of(MAX_REFUSED) }
+impl Sieve {
+    /// Empties it.
+    pub(super) fn begin(&mut self, options: &EdgeOptions) {
+        self.min_area_px = options.min_area_px;
+        self.large.begin(options.max_centroids.saturating_add(MAX_REFUSED));
+        self.small.begin(MAX_REFUSED);
     }
 
     /// One blob more.
     pub(super) fn take(&mut self, blob: Blob) {
-        if blob.area_px() > self.options.min_area_px { self.large.take(blob) } else { self.small.take(blob) }
+        if blob.area_px() > self.min_area_px { self.large.take(blob) } else { self.small.take(blob) }
     }
 
     /// The largest as centroids, the next as refused.
-    pub(super) fn detection(self, region: Region) -> Detection {
-        let mut large = self.large.sorted();
-        let crowded = large.split_off(self.options.max_centroids.min(large.len()));
+    pub(super) fn detection(&mut self, region: Region, options: &EdgeOptions) -> Detection {
+        let large = self.large.sorted();
+        let (large, crowded) = large.split_at(options.max_centroids.min(large.len()));
         let crowded = crowded.iter().map(|blob| refused(blob, region, Refusal::Crowded));
-        let small = self.small.sorted();
+        let small = self.small.sorted().iter().map(|blob| refused(blob, region, Refusal::TooSmall));
         Detection {
-            refused: crowded.chain(small.iter().map(|blob| refused(blob, region, Refusal::TooSmall))).collect(),
-            centroids: large.iter().map(|blob| centroid(blob, region, self.options.window)).collect(),
+            refused: crowded.chain(small).take(MAX_REFUSED).collect(),
+            centroids: large.iter().map(|blob| centroid(blob, region, options.window)).collect(),
         }
     }
 }
@@ -50,6 +52,7 @@ fn refused(blob: &Blob, region: Region, reason: Refusal) -> Refused {
 }
 
 /// The largest of many.
+#[derive(Default)]
 struct Largest {
     most: usize,
     /// Up to four times as many, so that they are rarely sorted out.
@@ -59,8 +62,11 @@ struct Largest {
 }
 
 impl Largest {
-    const fn of(most: usize) -> Self {
-        Self { most, blobs: Vec::new(), least_eighths: 0 }
+    /// Empties it, for so many.
+    fn begin(&mut self, most: usize) {
+        self.most = most;
+        self.blobs.clear();
+        self.least_eighths = 0;
     }
 
     fn take(&mut self, blob: Blob) {
@@ -83,15 +89,17 @@ impl Largest {
         }
     }
 
-    fn sorted(mut self) -> Vec<Blob> {
+    fn sorted(&mut self) -> &[Blob] {
         self.cut();
-        self.blobs.sort_by_key(large_first);
-        self.blobs
+        self.blobs.sort_unstable_by_key(large_first);
+        &self.blobs
     }
 }
 
-const fn large_first(blob: &Blob) -> (Reverse<u64>, u32, u32) {
-    (Reverse(blob.area_eighths), blob.bounds.y, blob.bounds.x)
+/// Of equals the first in reading order, by their bounds and then by their pixels.
+const fn large_first(blob: &Blob) -> (Reverse<u64>, [u32; 2], [u64; 2]) {
+    let bounds = blob.bounds;
+    (Reverse(blob.area_eighths), [bounds.y, bounds.x], [blob.rows_total, blob.columns_total])
 }
 
 #[cfg(test)]
@@ -109,15 +117,16 @@ mod tests {
                 Blob::square(Region { x, y, width: 1, height: 1 }, size)
             })
             .collect();
+        let mut largest = Largest::default();
         for most in [0, 1, 64] {
-            let mut largest = Largest::of(most);
+            largest.begin(most);
             for blob in &blobs {
                 largest.take(*blob);
             }
             let mut slow = blobs.clone();
             slow.sort_by_key(large_first);
             let keys = |list: &[Blob]| list.iter().map(large_first).collect::<Vec<_>>();
-            assert_eq!(keys(&largest.sorted()), keys(&slow[..most]), "{most}");
+            assert_eq!(keys(largest.sorted()), keys(&slow[..most]), "{most}");
         }
     }
 }

@@ -5,8 +5,8 @@ use nalgebra::{Matrix2, Vector2, Vector4};
 use super::ellipse::Ellipse;
 use super::foreign;
 use super::mixture::{Colour, LUMA, Mixture, Mixtures, chroma_weights};
-use super::pass::{ChromaSums, Light, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
-use super::patch::Patch;
+use super::pass::{ChromaSums, Light, Looked, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
+use super::patch::{Gatherer, Patch};
 use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, Trust, solved, unevenness};
 use super::shape::Pull;
 use super::{Likeness, Located, Seed, Shape};
@@ -33,93 +33,105 @@ const LEAST_SIGMA_PX: f64 = 0.004;
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
 
-pub(super) fn fit(
-    frame: &Frame,
-    seed: &Seed,
-    shape: Option<&Shape>,
-    others: &[Seed],
-    hue: Option<Vector2<f64>>,
-    likeness: &Likeness,
-) -> Option<Located> {
-    let known = shape.map(Pull::of);
-    let matrix = match known {
-        Some(known) => known?.matrix,
-        None => seed.form()?,
-    };
-    let mut patch = Patch::around(frame, seed, others, hue, likeness)?;
-    let mut model = start(&patch, seed, matrix, hue);
-    let mut trust = Trust::FULL;
-    let mut sectors: Option<Trust> = None;
-    let mut looked = Vec::new();
-    // Of what was located before, chroma has said enough.
-    let chroma_passes = if patch.chroma.is_none() || known.is_some() { 0 } else { CHROMA_PASSES };
-    let min_passes = chroma_passes + MIN_LUMA_PASSES;
-    let mut last = None;
-    let mut uneven = 1.0;
-    for pass in 0..likeness.max_passes {
-        let chroma = patch.chroma.as_ref().map(|channel| gather_chroma(&patch, channel, &model));
-        let colour = chroma.as_ref().map(|chroma| chroma.rim.offsets(CHROMA_FLOOR_PX));
-        let (mut normal, mut right) = known
-            .flatten()
-            .map_or_else(|| (FormMatrix::zeros(), Form::zeros()), |known| known.equations(&model.ellipse.matrix));
-        if let Some(colour) = &colour {
-            colour.add_to(&Trust::FULL, &mut normal, &mut right);
-        }
-        let is_small = model.ellipse.area_px() < likeness.sectored_area_px;
-        let amid_others = likeness.amid_others && !is_small;
-        // In the first passes chroma speaks alone.
-        let sums = (pass >= chroma_passes).then(|| gather(&patch, &model, likeness, amid_others, &trust, &mut looked));
-        let luma = sums.as_ref().map(|sums| sums.rim.offsets(likeness.floor_px));
-        if let (Some(sums), Some(luma)) = (&sums, &luma) {
-            let base = (normal, right);
-            trust = luma.untrimmed(&base);
-            if !is_small && trust.scatter > likeness.trim_scatter {
-                trust = luma.trust(&base, sectors.as_ref());
-                // In luma's first two passes the rim is searched anew: it was not yet where it is.
-                if pass > chroma_passes {
-                    sectors = Some(trust.clone());
-                }
+/// Fits ellipses, one after the other in the same memory.
+#[derive(Default)]
+pub(super) struct Fitter {
+    gatherer: Gatherer,
+    looked: Vec<Looked>,
+    foreign: foreign::Picture,
+}
+
+impl Fitter {
+    /// The ellipse at `seed`; of `others`, which are next to it, nothing is looked at.
+    pub(super) fn fit(
+        &mut self,
+        frame: &Frame,
+        seed: &Seed,
+        shape: Option<&Shape>,
+        others: &[Seed],
+        hue: Option<Vector2<f64>>,
+        likeness: &Likeness,
+    ) -> Option<Located> {
+        let known = shape.map(Pull::of);
+        let matrix = match known {
+            Some(known) => known?.matrix,
+            None => seed.form()?,
+        };
+        let Self { gatherer, looked, foreign } = self;
+        let mut patch = gatherer.around(frame, seed, others, hue, likeness)?;
+        let mut model = start(&patch, seed, matrix, hue);
+        let mut trust = Trust::FULL;
+        let mut sectors: Option<Trust> = None;
+        // Of what was located before, chroma has said enough.
+        let chroma_passes = if patch.chroma.is_none() || known.is_some() { 0 } else { CHROMA_PASSES };
+        let min_passes = chroma_passes + MIN_LUMA_PASSES;
+        let mut last = None;
+        let mut uneven = 1.0;
+        for pass in 0..likeness.max_passes {
+            let chroma = patch.chroma.as_ref().map(|channel| gather_chroma(&patch, channel, &model));
+            let colour = chroma.as_ref().map(|chroma| chroma.rim.offsets(CHROMA_FLOOR_PX));
+            let (mut normal, mut right) = known
+                .flatten()
+                .map_or_else(|| (FormMatrix::zeros(), Form::zeros()), |known| known.equations(&model.ellipse.matrix));
+            if let Some(colour) = &colour {
+                colour.add_to(&Trust::FULL, &mut normal, &mut right);
             }
-            luma.add_to(&trust, &mut normal, &mut right);
-            without_slopes(sums, &mut normal, &mut right);
-            last = Some((normal, luma.kept(&trust)));
+            let is_small = model.ellipse.area_px() < likeness.sectored_area_px;
+            let amid_others = likeness.amid_others && !is_small;
+            // In the first passes chroma speaks alone.
+            let sums = (pass >= chroma_passes).then(|| gather(&patch, &model, likeness, amid_others, &trust, looked));
+            let luma = sums.as_ref().map(|sums| sums.rim.offsets(likeness.floor_px));
+            if let (Some(sums), Some(luma)) = (&sums, &luma) {
+                let base = (normal, right);
+                trust = luma.untrimmed(&base);
+                if !is_small && trust.scatter > likeness.trim_scatter {
+                    trust = luma.trust(&base, sectors.as_ref());
+                    // In luma's first two passes the rim is searched anew: it was not yet where it is.
+                    if pass > chroma_passes {
+                        sectors = Some(trust.clone());
+                    }
+                }
+                luma.add_to(&trust, &mut normal, &mut right);
+                without_slopes(sums, &mut normal, &mut right);
+                last = Some((normal, luma.kept(&trust)));
+            }
+            let step = solved(normal, &right)?;
+            if let Some(luma) = &luma {
+                let colour = colour.as_ref().map_or((luma, &Trust::NONE), |colour| (colour, &Trust::FULL));
+                uneven = unevenness(&[(luma, &trust), colour], &step);
+            }
+            let next = model.ellipse.moved(&step);
+            let moved = (next.centre - model.ellipse.centre).norm();
+            model.ellipse = next;
+            relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
+            model.mixture = mixture(&model.light, hue);
+            if let (Some(sums), true) = (&sums, amid_others) {
+                foreign.take_out(&mut patch, looked, sums.farthest, model.noise.luma);
+            }
+            if pass + 1 >= min_passes && moved < likeness.settled_px {
+                break;
+            }
         }
-        let step = solved(normal, &right)?;
-        if let Some(luma) = &luma {
-            let colour = colour.as_ref().map_or((luma, &Trust::NONE), |colour| (colour, &Trust::FULL));
-            uneven = unevenness(&[(luma, &trust), colour], &step);
-        }
-        let next = model.ellipse.moved(&step);
-        let moved = (next.centre - model.ellipse.centre).norm();
-        model.ellipse = next;
-        relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
-        model.mixture = mixture(&model.light, hue);
-        if let (Some(sums), true) = (&sums, amid_others) {
-            foreign::take_out(&mut patch, &looked, sums.farthest, model.noise.luma);
-        }
-        if pass + 1 >= min_passes && moved < likeness.settled_px {
-            break;
-        }
+        let (normal, kept) = last?;
+        let covariance = normal.try_inverse()?;
+        let stated = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
+        let blur = model.ellipse.ln_blur.exp();
+        let aliasing = (ALIASING_PX3 * (-blur / SHARP_BLUR).exp() + patch.mosaic_px3) / model.ellipse.area_px();
+        let systematic = aliasing.hypot(patch.floor_px);
+        let by_scatter = (trust.scatter * stated).hypot(systematic);
+        let sigma_px = if likeness.by_unevenness {
+            let uneven = uneven.max(patch.least_unevenness() * trust.scatter.powi(2));
+            let random = stated * (uneven * patch.together(&model)).sqrt();
+            random.hypot(systematic).hypot(patch.lost_px(&model.light, model.ellipse.area_px())).hypot(LEAST_SIGMA_PX)
+        } else {
+            by_scatter
+        };
+        let pixel = model.ellipse.centre + patch.origin;
+        // What coding has taken is no licence to go elsewhere.
+        let may_move = 0.1 + 3.5 * seed.sigma_px.hypot(by_scatter);
+        let fits = sigma_px.is_finite() && kept > MIN_KEPT && (pixel - seed.pixel).norm() < may_move;
+        fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
     }
-    let (normal, kept) = last?;
-    let covariance = normal.try_inverse()?;
-    let stated = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
-    let blur = model.ellipse.ln_blur.exp();
-    let aliasing = (ALIASING_PX3 * (-blur / SHARP_BLUR).exp() + patch.mosaic_px3) / model.ellipse.area_px();
-    let systematic = aliasing.hypot(patch.floor_px);
-    let by_scatter = (trust.scatter * stated).hypot(systematic);
-    let sigma_px = if likeness.by_unevenness {
-        let uneven = uneven.max(patch.least_unevenness() * trust.scatter.powi(2));
-        let random = stated * (uneven * patch.together(&model)).sqrt();
-        random.hypot(systematic).hypot(patch.lost_px(&model.light, model.ellipse.area_px())).hypot(LEAST_SIGMA_PX)
-    } else {
-        by_scatter
-    };
-    let pixel = model.ellipse.centre + patch.origin;
-    // What coding has taken is no licence to go elsewhere.
-    let may_move = 0.1 + 3.5 * seed.sigma_px.hypot(by_scatter);
-    let fits = sigma_px.is_finite() && kept > MIN_KEPT && (pixel - seed.pixel).norm() < may_move;
-    fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
 }
 
 /// Leaves out of the form's equations what the slopes of the ground explain as well.
@@ -134,7 +146,7 @@ fn without_slopes(sums: &Sums, normal: &mut FormMatrix, right: &mut Form) {
     top -= share * moment.fixed_rows::<2>(2);
 }
 
-fn start(patch: &Patch, seed: &Seed, matrix: Matrix2<f64>, hue: Option<Vector2<f64>>) -> Model {
+fn start(patch: &Patch<'_>, seed: &Seed, matrix: Matrix2<f64>, hue: Option<Vector2<f64>>) -> Model {
     let chroma = patch.chroma.as_ref();
     let ground = patch.luma.outside;
     let light = Light {
@@ -162,7 +174,7 @@ fn mixture(light: &Light, hue: Option<Vector2<f64>>) -> Mixtures {
 }
 
 /// Light, blur and noise as the pass has them.
-fn relit(model: &mut Model, patch: &Patch, sums: Option<&Sums>, chroma: Option<&ChromaSums>) {
+fn relit(model: &mut Model, patch: &Patch<'_>, sums: Option<&Sums>, chroma: Option<&ChromaSums>) {
     if let Some(chroma) = chroma {
         let (normal, right) = chroma.light;
         if let Some(factors) = (normal + Matrix2::identity() * 1e-9).cholesky() {

@@ -7,7 +7,7 @@
 use nalgebra::Vector2;
 
 use super::{Located, Seed};
-use crate::detect::components::{Components, Connectivity, Run, area, bounds};
+use crate::detect::components::{Components, Connectivity, Labeling, Run, area, bounds};
 use crate::detect::ground::middle;
 use crate::detect::luma;
 use crate::frame::{Frame, Region};
@@ -26,35 +26,46 @@ const MIN_NOISE: f64 = 1.0;
 /// What pixels have in common and none of them tells, px.
 const FLOOR_PX: f64 = 0.01;
 
-/// The light at `seed`. `None` where the frame ends too near, or it is not apart from others.
-pub(super) fn locate(frame: &Frame, seed: &Seed) -> Option<Located> {
-    let view = View::around(frame, seed)?;
-    let (ground, noise) = view.ground()?;
-    let at = seed.pixel - view.from();
-    let top = view.top_near(at);
-    let parts = |share: f64| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two codes")]
-        let threshold = (ground + share * (top - ground)).ceil().max(1.0) as u8;
-        Components::of(&view.samples, view.width(), view.whole(), threshold, Connectivity::Eight)
-    };
-    let [.., highest] = SHARES;
-    let tops = parts(highest);
-    SHARES.iter().find_map(|share| {
-        let components = parts(*share);
-        let runs = components.iter().find(|runs| holds(runs, at) && view.is_inside(runs))?;
-        let is_one = tops.iter().filter(|top| covers(runs, top)).count() <= 1;
-        if is_one { view.located(runs, ground + share * (top - ground), noise) } else { None }
-    })
+/// Locates lights, one after the other in the same memory.
+#[derive(Default)]
+pub(super) struct Lights {
+    view: View,
+    /// What is above one of the shares, and above the highest.
+    parts: Labeling,
+    tops: Labeling,
+}
+
+impl Lights {
+    /// The light at `seed`. `None` where the frame ends too near, or it is not apart from others.
+    pub(super) fn locate(&mut self, frame: &Frame, seed: &Seed) -> Option<Located> {
+        let Self { view, parts, tops } = self;
+        view.take(frame, seed)?;
+        let (ground, noise) = view.ground()?;
+        let at = seed.pixel - view.from();
+        let height = view.top_near(at) - ground;
+        let [.., highest] = SHARES;
+        let tops = view.above(ground + highest * height, tops);
+        SHARES.iter().find_map(|share| {
+            let foot = ground + share * height;
+            let runs = view.above(foot, parts).iter().find(|runs| holds(runs, at) && view.is_inside(runs))?;
+            let is_one = tops.iter().filter(|top| covers(runs, top)).count() <= 1;
+            if is_one { view.located(runs, foot, noise) } else { None }
+        })
+    }
 }
 
 /// Codes around a light.
+#[derive(Default)]
 struct View {
     window: Region,
     samples: Vec<u8>,
+    /// Those at the border.
+    border: Vec<f32>,
 }
 
 impl View {
-    fn around(frame: &Frame, seed: &Seed) -> Option<Self> {
+    /// `None` where the frame ends too near, or it is too large.
+    fn take(&mut self, frame: &Frame, seed: &Seed) -> Option<()> {
         let reach = seed.moments.diagonal().map(|v| (2.0 * REACH * v.max(0.25).sqrt() + BEYOND_PX).ceil());
         let middle = seed.pixel.map(f64::round);
         let (near, far) = (middle - reach, middle + reach);
@@ -64,10 +75,16 @@ impl View {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the frame, as was checked")]
         let [x, y, width, height] = [near.x, near.y, far.x - near.x + 1.0, far.y - near.y + 1.0].map(|v| v as u32);
-        let window = Region { x, y, width, height };
-        let mut samples = Vec::new();
-        luma::take(frame, window, &mut samples);
-        Some(Self { window, samples })
+        self.window = Region { x, y, width, height };
+        luma::take(frame, self.window, &mut self.samples);
+        Some(())
+    }
+
+    /// What is of this code at least.
+    fn above<'a>(&self, code: f64, labeling: &'a mut Labeling) -> &'a Components {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two codes")]
+        let threshold = code.ceil().max(1.0) as u8;
+        labeling.of(&self.samples, self.width(), self.whole(), threshold, Connectivity::Eight)
     }
 
     const fn width(&self) -> usize {
@@ -91,15 +108,16 @@ impl View {
     }
 
     /// What is around the light, by the border, and its noise.
-    fn ground(&self) -> Option<(f64, f64)> {
+    fn ground(&mut self) -> Option<(f64, f64)> {
         let (width, height) = (self.width(), self.height());
         let is_border = |index: usize| {
             let (x, y) = (index % width, index / width);
             x == 0 || y == 0 || x + 1 == width || y + 1 == height
         };
-        let mut border: Vec<f32> =
-            (0..width * height).filter(|index| is_border(*index)).map(|index| f32::from(self.samples[index])).collect();
-        let (ground, noise) = middle(&mut border)?;
+        let border = (0..width * height).filter(|index| is_border(*index)).map(|index| f32::from(self.samples[index]));
+        self.border.clear();
+        self.border.extend(border);
+        let (ground, noise) = middle(&mut self.border)?;
         Some((f64::from(ground), f64::from(noise).max(MIN_NOISE)))
     }
 
@@ -204,6 +222,10 @@ mod tests {
         };
         let samples = (0..60).flat_map(|y| (0..60).map(move |x| (x, y))).map(|(x, y)| code(x, y)).collect();
         Frame::checked(60, 60, Pixels::Luma(samples), Coding::LOSSLESS).expect("a frame")
+    }
+
+    fn locate(frame: &Frame, seed: &Seed) -> Option<Located> {
+        Lights::default().locate(frame, seed)
     }
 
     fn seed(pixel: Vector2<f64>) -> Seed {

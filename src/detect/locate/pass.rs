@@ -210,7 +210,7 @@ impl<S: Simd> RimLanes<S> {
 
 /// Looks at every sample of `patch`.
 pub(super) fn gather(
-    patch: &Patch,
+    patch: &Patch<'_>,
     model: &Model,
     likeness: &Likeness,
     amid_others: bool,
@@ -224,7 +224,7 @@ pub(super) fn gather(
 #[inline(always)]
 fn gather_by<S: Simd>(
     simd: S,
-    patch: &Patch,
+    patch: &Patch<'_>,
     model: &Model,
     likeness: &Likeness,
     amid_others: bool,
@@ -327,7 +327,7 @@ const BINS: usize = 128;
 /// The noise that most pixels beside the edge have, whatever the others are: by the median of sizes, counted in bins of the noise `before`.
 /// Where more than half are beyond the last bin it is that bin's, and the next pass goes on from there.
 #[inline(always)]
-fn level_noise<S: Simd>(simd: S, patch: &Patch, looked: &[Looked], before: f64) -> f64 {
+fn level_noise<S: Simd>(simd: S, patch: &Patch<'_>, looked: &[Looked], before: f64) -> f64 {
     // In the last are those that do not count.
     let mut counts = [0_u32; BINS + 2];
     let scale = FINE / single(before);
@@ -361,12 +361,12 @@ pub(super) struct ChromaSums {
 }
 
 /// Looks at every sample of the patch's chroma.
-pub(super) fn gather_chroma(patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
+pub(super) fn gather_chroma(patch: &Patch<'_>, chroma: &Channel<'_>, model: &Model) -> ChromaSums {
     dispatch!(*MACHINE, simd => gather_chroma_by(simd, patch, chroma, model))
 }
 
 #[inline(always)]
-fn gather_chroma_by<S: Simd>(simd: S, patch: &Patch, chroma: &Channel, model: &Model) -> ChromaSums {
+fn gather_chroma_by<S: Simd>(simd: S, patch: &Patch<'_>, chroma: &Channel<'_>, model: &Model) -> ChromaSums {
     let Model { ellipse, light, noise, mixture } = model;
     // Shares in chroma are blurred further, and what curves them has as much less height as it is wider.
     let sharp = single((ellipse.ln_blur.exp() / (ellipse.ln_blur.exp() + patch.chroma_blur)).sqrt());

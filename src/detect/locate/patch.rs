@@ -8,7 +8,7 @@ use super::lanes::{LANES, Lanes, MACHINE};
 use super::pass::{Light, Model};
 use super::rim::{GROUPS, SECTORS, seat};
 use super::{Likeness, MAX_REACH_PX, Seed};
-use crate::detect::ground::{Sample, median, middle, shortest_half, slope};
+use crate::detect::ground::{Sample, median, middle, shortest_half, slope_in};
 use crate::detect::single;
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
@@ -26,8 +26,8 @@ pub(super) struct Octet {
 }
 
 /// The samples of one channel: each lane of a group is a sector, so that what a pass sums stays in its lane.
-pub(super) struct Channel {
-    groups: [Vec<Octet>; GROUPS],
+pub(super) struct Channel<'a> {
+    groups: &'a mut [Vec<Octet>; GROUPS],
     /// Medians within the rim and beyond it.
     pub inside: f64,
     pub outside: f64,
@@ -35,14 +35,14 @@ pub(super) struct Channel {
     pub noise: f64,
 }
 
-pub(super) struct Patch {
+pub(super) struct Patch<'a> {
     /// Whole pixel that positions are measured from.
     pub origin: Vector2<f64>,
     /// No sample is farther from it in x or y, px.
     pub reach: usize,
-    pub luma: Channel,
+    pub luma: Channel<'a>,
     /// Along the marker's hue; none for a frame without colour, or a marker without a hue.
-    pub chroma: Option<Channel>,
+    pub chroma: Option<Channel<'a>>,
     /// Variance of the blur by which chroma is softer than luma, px^2.
     pub chroma_blur: f64,
     /// What a sample of chroma counts.
@@ -100,26 +100,34 @@ enum Side {
     Outside,
 }
 
-/// Samples as they come.
+/// Samples of a channel as they come, patch after patch in the same memory.
+#[derive(Default)]
 struct Gathered {
     groups: [Vec<Octet>; GROUPS],
     /// Samples of each sector so far.
     counts: [usize; SECTORS],
     inside: Vec<f32>,
-    /// Where there is no middle, `None` if that is not looked for.
-    deep: Option<Vec<f32>>,
+    /// Where there is no middle, if that is looked for.
+    deep: Vec<f32>,
+    is_large: bool,
     outside: Vec<Sample>,
+    /// Values of those, or what is left of them.
+    values: Vec<f32>,
 }
 
 impl Gathered {
-    fn new(capacity: usize, large: bool) -> Self {
-        Self {
-            groups: std::array::from_fn(|_| Vec::with_capacity(capacity)),
-            counts: [0; SECTORS],
-            inside: Vec::with_capacity(4 * capacity),
-            deep: large.then(Vec::new),
-            outside: Vec::with_capacity(8 * capacity),
+    fn begin(&mut self, capacity: usize, is_large: bool) {
+        for group in &mut self.groups {
+            group.clear();
+            group.reserve(capacity);
         }
+        self.counts.fill(0);
+        self.inside.clear();
+        self.inside.reserve(4 * capacity);
+        self.deep.clear();
+        self.is_large = is_large;
+        self.outside.clear();
+        self.outside.reserve(8 * capacity);
     }
 
     fn push(&mut self, sector: usize, side: Side, sample: Sample) {
@@ -132,16 +140,16 @@ impl Gathered {
         self.counts[sector] += 1;
         match side {
             Side::Inside => self.inside.push(sample.value),
-            Side::Deep => self.deep.iter_mut().for_each(|deep| deep.push(sample.value)),
+            Side::Deep if self.is_large => self.deep.push(sample.value),
             Side::Outside => self.outside.push(sample),
-            Side::Rim => (),
+            Side::Deep | Side::Rim => (),
         }
     }
 
-    /// The same with a level ground: a sky's hue changes with height and at clouds, and would pull the rim to where it is more like the
+    /// Levels the ground: a sky's hue changes with height and at clouds, and would pull the rim to where it is more like the
     /// marker's. Waves that coding has left of the marker itself would look like slopes.
-    fn levelled(mut self) -> Self {
-        let Some(slope) = slope(&self.outside) else { return self };
+    fn level(&mut self) {
+        let Some(slope) = slope_in(&self.outside, &mut self.values) else { return };
         let (right, down) = (single(slope.x), single(slope.y));
         for sample in &mut self.outside {
             sample.value -= right * sample.x + down * sample.y;
@@ -151,21 +159,21 @@ impl Gathered {
                 octet.value.0[lane] -= right * octet.x.0[lane] + down * octet.y.0[lane];
             }
         }
-        self
     }
 
     /// `None` if there is nothing within the rim or beyond it.
-    fn finished(mut self, amid_others: bool) -> Option<Channel> {
-        let inside = median(&mut self.inside).or_else(|| median(self.deep.as_mut()?))?;
+    fn channel(&mut self, amid_others: bool) -> Option<Channel<'_>> {
+        let inside = median(&mut self.inside).or_else(|| median(&mut self.deep))?;
         let ground = if amid_others { shortest_half } else { middle };
-        let mut outside: Vec<f32> = self.outside.iter().map(|sample| sample.value).collect();
-        let (outside, noise) = ground(&mut outside)?;
+        self.values.clear();
+        self.values.extend(self.outside.iter().map(|sample| sample.value));
+        let (outside, noise) = ground(&mut self.values)?;
         let [inside, outside, noise] = [inside, outside, noise].map(f64::from);
-        Some(Channel { groups: self.groups, inside, outside, noise })
+        Some(Channel { groups: &mut self.groups, inside, outside, noise })
     }
 }
 
-impl Channel {
+impl Channel<'_> {
     /// Group by group.
     pub(super) fn octets(&self) -> impl Iterator<Item = &Octet> {
         self.groups.iter().flatten()
@@ -181,15 +189,26 @@ impl Channel {
     }
 }
 
-impl Patch {
+/// Gathers patches, one after the other in the same memory.
+#[derive(Default)]
+pub(super) struct Gatherer {
+    luma: Gathered,
+    colour: Gathered,
+    row: Vec<Spots>,
+    /// Middles of others, from the patch's origin, px, and the matrices of their ellipses.
+    others: Vec<(Vector2<f64>, Matrix2<f64>)>,
+}
+
+impl Gatherer {
     /// `None` where the frame ends too near, or the blob is larger than [`MAX_REACH_PX`].
     pub(super) fn around(
+        &mut self,
         frame: &Frame,
         seed: &Seed,
         others: &[Seed],
         chroma: Option<Vector2<f64>>,
         likeness: &Likeness,
-    ) -> Option<Self> {
+    ) -> Option<Patch<'_>> {
         let matrix = &seed.form()?;
         let origin = seed.pixel.map(f64::round);
         // An ellipse's half axes are twice its root mean square extents.
@@ -199,8 +218,9 @@ impl Patch {
         if !(near.min() >= 0.0 && origin.x < far.x && origin.y < far.y && reach.max() < f64::from(MAX_REACH_PX)) {
             return None;
         }
-        let others: Vec<(Vector2<f64>, Matrix2<f64>)> =
-            others.iter().filter_map(|other| Some((other.pixel - origin, other.form()?))).collect();
+        let Self { luma, colour, row, others: around } = self;
+        around.clear();
+        around.extend(others.iter().filter_map(|other| Some((other.pixel - origin, other.form()?))));
         let reader = Reader { frame, direction: chroma.filter(|_| !matches!(frame.pixels(), Pixels::Luma(_))) };
         let shared = frame.coding().chroma == ChromaSampling::Reduced;
         let coded = frame.coding().chroma_step > 1.0;
@@ -210,12 +230,14 @@ impl Patch {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
         let whole_reach = reach.max() as usize;
         let capacity = 2 + 2 * (right - left + 1) * (bottom - top + 1) / SECTORS;
-        let mut luma = Gathered::new(capacity, likeness.large);
-        let mut colour =
-            reader.direction.map(|_| Gathered::new(if shared { capacity / 4 } else { capacity }, likeness.large));
-        let mut row = vec![Spots::EMPTY; (right - left + 1).div_ceil(LANES)];
+        luma.begin(capacity, likeness.large);
+        let mut colour = reader.direction.map(|_| colour);
+        if let Some(colour) = &mut colour {
+            colour.begin(if shared { capacity / 4 } else { capacity }, likeness.large);
+        }
+        row.resize((right - left + 1).div_ceil(LANES), Spots::EMPTY);
         for y in top..=bottom {
-            look(&mut row, Vector2::new(left as f64, y as f64) - seed.pixel, matrix);
+            look(row, Vector2::new(left as f64, y as f64) - seed.pixel, matrix);
             for x in left..=right {
                 let (spots, lane) = (&row[(x - left) / LANES], (x - left) % LANES);
                 let from_rim = spots.from_rim.0[lane];
@@ -226,7 +248,7 @@ impl Patch {
                 let is_theirs = |(middle, matrix): &(Vector2<f64>, Matrix2<f64>)| {
                     self::from_rim(&(at - middle), matrix) < f64::from(from_rim.min(OTHERS_PX))
                 };
-                if from_rim > 0.0 && others.iter().any(is_theirs) {
+                if from_rim > 0.0 && around.iter().any(is_theirs) {
                     continue;
                 }
                 let side = match () {
@@ -246,13 +268,14 @@ impl Patch {
                 }
             }
         }
-        Some(Self {
+        if let (Some(colour), false) = (&mut colour, coded) {
+            colour.level();
+        }
+        Some(Patch {
             origin,
             reach: whole_reach,
-            luma: luma.finished(likeness.amid_others)?,
-            chroma: colour
-                .map(|colour| if coded { colour } else { colour.levelled() })
-                .and_then(|colour| colour.finished(likeness.amid_others)),
+            luma: luma.channel(likeness.amid_others)?,
+            chroma: colour.and_then(|colour| colour.channel(likeness.amid_others)),
             chroma_blur: if shared { SHARED_BLUR } else { 0.0 },
             chroma_weight: if shared { SHARED_WEIGHT } else { 1.0 },
             mosaic_px3: if shared && reader.direction.is_some() { MOSAIC_PX3 } else { 0.0 },
@@ -265,7 +288,7 @@ impl Patch {
     }
 }
 
-impl Patch {
+impl Patch<'_> {
     /// By how much errors of neighbouring pixels that are the same add to the variance of a place, as a factor: those of coding are of whole
     /// waves, those of a sensor each pixel's own.
     pub(super) fn together(&self, model: &Model) -> f64 {

@@ -4,7 +4,7 @@
 //! has a histogram of the samples that the window sees in it; the window's own is their sum. It is kept at two scales: sixteen
 //! levels of sixteen always, the fine ones only where the median is.
 
-use super::{Padded, Plane};
+use super::Padded;
 
 /// A column's counts: of sixteen ranges of sixteen levels, and of each level.
 #[derive(Clone)]
@@ -13,31 +13,41 @@ struct Column {
     fine: [[u16; 16]; 16],
 }
 
-pub(super) fn median(padded: &Padded<'_>) -> Plane {
-    let (width, height, window) = (padded.plane.width, padded.plane.height, padded.window);
-    let mut columns = vec![Column { coarse: [0; 16], fine: [[0; 16]; 16] }; padded.width()];
-    let mut row = vec![0; padded.width()];
-    let mut out = Plane::black(width, height);
-    let ranks = window.ranks();
-    for y in 0..window.rows - 1 {
-        padded.write_row(y, &mut row);
-        count(&mut columns, &row, 1);
-    }
-    for (y, out) in out.samples.chunks_exact_mut(width).enumerate() {
-        padded.write_row(y + window.rows - 1, &mut row);
-        count(&mut columns, &row, 1);
-        let mut sum = Sum::of(&columns[..window.columns - 1], window.columns);
-        for (x, out) in out.iter_mut().enumerate() {
-            add(&mut sum.coarse, &columns[x + window.columns - 1].coarse);
-            let low = sum.level(&columns, x, ranks[0]);
-            let high = if ranks[0] == ranks[1] { low } else { sum.level(&columns, x, ranks[1]) };
-            *out = low.midpoint(high) + ((low ^ high) & 1);
-            subtract(&mut sum.coarse, &columns[x].coarse);
+/// What medians of pictures are made of.
+#[derive(Default)]
+pub(super) struct Histograms {
+    columns: Vec<Column>,
+    /// A padded row.
+    row: Vec<u8>,
+}
+
+impl Histograms {
+    pub(super) fn write(&mut self, padded: &Padded<'_>, out: &mut [u8]) {
+        let window = padded.window;
+        let Self { columns, row } = self;
+        columns.clear();
+        columns.resize(padded.width(), Column { coarse: [0; 16], fine: [[0; 16]; 16] });
+        row.resize(padded.width(), 0);
+        let ranks = window.ranks();
+        for y in 0..window.rows - 1 {
+            padded.write_row(y, row);
+            count(columns, row, 1);
         }
-        padded.write_row(y, &mut row);
-        count(&mut columns, &row, u16::MAX);
+        for (y, out) in out.chunks_exact_mut(padded.plane.width).enumerate() {
+            padded.write_row(y + window.rows - 1, row);
+            count(columns, row, 1);
+            let mut sum = Sum::of(&columns[..window.columns - 1], window.columns);
+            for (x, out) in out.iter_mut().enumerate() {
+                add(&mut sum.coarse, &columns[x + window.columns - 1].coarse);
+                let low = sum.level(columns, x, ranks[0]);
+                let high = if ranks[0] == ranks[1] { low } else { sum.level(columns, x, ranks[1]) };
+                *out = low.midpoint(high) + ((low ^ high) & 1);
+                subtract(&mut sum.coarse, &columns[x].coarse);
+            }
+            padded.write_row(y, row);
+            count(columns, row, u16::MAX);
+        }
     }
-    out
 }
 
 /// One more sample (`by` 1) or one less (`by` -1, wrapping) in each column.

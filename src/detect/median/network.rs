@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::LazyLock;
 
-use super::{Padded, Plane, Window};
+use super::{Padded, Window};
 
 /// Samples of a stretch, and by how much a step may look ahead of it. Found by measuring: longer ones share what a step costs among more.
 const STRETCH: usize = 1344;
@@ -30,52 +30,62 @@ pub(super) const fn suits(window: Window) -> bool {
 /// Rows that are done at once. Four share more, but what they do not share outweighs it.
 const TOGETHER: usize = 2;
 
-/// The seed's window is planned once; any other with each picture, which takes less than it does.
+/// The seed's window is planned once; any other when it is first asked for, which takes less than the median of a picture.
 static THESIS: LazyLock<Plan> = LazyLock::new(|| Plan::of(Window::THESIS));
 
-pub(super) fn median(padded: &Padded<'_>) -> Plane {
-    let (width, height, window) = (padded.plane.width, padded.plane.height, padded.window);
-    let planned;
-    let plan = if window == Window::THESIS {
-        &*THESIS
-    } else {
-        planned = Plan::of(window);
-        &planned
-    };
-    let mut out = Plane::black(width, height);
-    let padded_width = padded.width();
-    // As many padded rows as the windows see, each where its number modulo their number says.
-    let kept = window.rows + TOGETHER - 1;
-    let mut rows = vec![0; kept * padded_width];
-    // Every place begins a line of the cache: what lies across two takes twice as long to write.
-    let mut buffer = vec![0; plan.places * PLACE + LANES];
-    let skipped = buffer.as_ptr().align_offset(LANES).min(LANES);
-    let places = &mut buffer[skipped..];
-    let useful = STRETCH - (window.columns - 1);
-    let mut next = 0;
-    for (group, out) in out.samples.chunks_mut(TOGETHER * width).enumerate() {
-        let y = TOGETHER * group;
-        // Beyond the last row nothing is asked for, but the network wants its input.
-        while next < y + kept {
-            let at = next % kept * padded_width;
-            padded.write_row(next, &mut rows[at..at + padded_width]);
-            next += 1;
-        }
-        for x in (0..width).step_by(useful) {
-            let length = (padded_width - x).min(STRETCH);
-            for (row, place) in plan.inputs.iter().enumerate() {
-                let at = (y + row) % kept * padded_width + x;
-                places[*place..][..length].copy_from_slice(&rows[at..at + length]);
+/// What medians of pictures are made of.
+#[derive(Default)]
+pub(super) struct Network {
+    /// The network of the window that was asked for last.
+    planned: Option<(Window, Plan)>,
+    /// As many padded rows as the windows see, each where its number modulo their number says.
+    rows: Vec<u8>,
+    /// Where the steps read and write.
+    buffer: Vec<u8>,
+}
+
+impl Network {
+    pub(super) fn write(&mut self, padded: &Padded<'_>, out: &mut [u8]) {
+        let (width, window) = (padded.plane.width, padded.window);
+        let Self { planned, rows, buffer } = self;
+        let plan = if window == Window::THESIS {
+            &*THESIS
+        } else {
+            let known = planned.take().filter(|(known, _)| *known == window);
+            &planned.insert(known.unwrap_or_else(|| (window, Plan::of(window)))).1
+        };
+        let padded_width = padded.width();
+        let kept = window.rows + TOGETHER - 1;
+        rows.resize(kept * padded_width, 0);
+        // Every place begins a line of the cache: what lies across two takes twice as long to write.
+        buffer.resize(plan.places * PLACE + LANES, 0);
+        let skipped = buffer.as_ptr().align_offset(LANES).min(LANES);
+        let places = &mut buffer[skipped..];
+        let useful = STRETCH - (window.columns - 1);
+        let mut next = 0;
+        for (group, out) in out.chunks_mut(TOGETHER * width).enumerate() {
+            let y = TOGETHER * group;
+            // Beyond the last row nothing is asked for, but the network wants its input.
+            while next < y + kept {
+                let at = next % kept * padded_width;
+                padded.write_row(next, &mut rows[at..at + padded_width]);
+                next += 1;
             }
-            let steps = length.next_multiple_of(LANES);
-            run(&plan.steps, places, steps);
-            let found = useful.min(width - x);
-            for (row, place) in out.chunks_exact_mut(width).zip(&plan.outputs) {
-                row[x..x + found].copy_from_slice(&places[*place..][..found]);
+            for x in (0..width).step_by(useful) {
+                let length = (padded_width - x).min(STRETCH);
+                for (row, place) in plan.inputs.iter().enumerate() {
+                    let at = (y + row) % kept * padded_width + x;
+                    places[*place..][..length].copy_from_slice(&rows[at..at + length]);
+                }
+                let steps = length.next_multiple_of(LANES);
+                run(&plan.steps, places, steps);
+                let found = useful.min(width - x);
+                for (row, place) in out.chunks_exact_mut(width).zip(&plan.outputs) {
+                    row[x..x + found].copy_from_slice(&places[*place..][..found]);
+                }
             }
         }
     }
-    out
 }
 
 /// What a step makes of its two operands.

@@ -4,13 +4,13 @@
 //! the columns' least, the middle of their middles, the least of their largest. A. Paeth, "Median finding on a 3 x 3 grid",
 //! Graphics Gems, 1990, has the sorted columns.
 
-use super::{Padded, Plane};
+use super::Padded;
 
 /// Samples that one instruction or two take.
 const LANES: usize = 64;
 
-/// The sorted columns of three rows, reused from row to row.
-#[derive(Clone, Debug)]
+/// The sorted columns of three rows, reused from row to row and from picture to picture.
+#[derive(Clone, Debug, Default)]
 pub(in crate::detect) struct Columns {
     low: Vec<u8>,
     middle: Vec<u8>,
@@ -18,10 +18,11 @@ pub(in crate::detect) struct Columns {
 }
 
 impl Columns {
-    /// For pictures of `width` columns.
-    pub(in crate::detect) fn of_width(width: usize) -> Self {
-        let row = vec![0; width + 2 + LANES];
-        Self { low: row.clone(), middle: row.clone(), high: row }
+    /// Makes room for pictures of `width` columns.
+    pub(in crate::detect) fn resize(&mut self, width: usize) {
+        for row in [&mut self.low, &mut self.middle, &mut self.high] {
+            row.resize(width + 2 + LANES, 0);
+        }
     }
 
     /// The medians of a row. Rows are given with a sample more on either side.
@@ -77,17 +78,27 @@ fn of_three(a: u8, b: u8, c: u8) -> u8 {
     a.min(b).max(a.max(b).min(c))
 }
 
-/// Only for the window of 3 x 3.
-pub(super) fn median(padded: &Padded<'_>) -> Plane {
-    let (width, height) = (padded.plane.width, padded.plane.height);
-    let mut out = Plane::black(width, height);
-    let mut columns = Columns::of_width(width);
-    let mut rows: [Vec<u8>; 3] = std::array::from_fn(|_| vec![0; padded.width()]);
-    padded.write_row(0, &mut rows[0]);
-    padded.write_row(1, &mut rows[1]);
-    for (y, out) in out.samples.chunks_exact_mut(width).enumerate() {
-        padded.write_row(y + 2, &mut rows[(y + 2) % 3]);
-        columns.median([0, 1, 2].map(|row| rows[(y + row) % 3].as_slice()), out);
+/// What medians of pictures are made of.
+#[derive(Default)]
+pub(super) struct Three {
+    columns: Columns,
+    /// Padded rows, each where its number modulo three says.
+    rows: [Vec<u8>; 3],
+}
+
+impl Three {
+    /// Only for the window of 3 x 3.
+    pub(super) fn write(&mut self, padded: &Padded<'_>, out: &mut [u8]) {
+        let Self { columns, rows } = self;
+        columns.resize(padded.plane.width);
+        for row in &mut *rows {
+            row.resize(padded.width(), 0);
+        }
+        padded.write_row(0, &mut rows[0]);
+        padded.write_row(1, &mut rows[1]);
+        for (y, out) in out.chunks_exact_mut(padded.plane.width).enumerate() {
+            padded.write_row(y + 2, &mut rows[(y + 2) % 3]);
+            columns.median([0, 1, 2].map(|row| rows[(y + row) % 3].as_slice()), out);
+        }
     }
-    out
 }

@@ -10,6 +10,7 @@ use clap::Args;
 use super::Stop;
 use super::inputs::unreadable;
 use crate::annotate::{Overlay, annotate};
+use crate::detect::Workspace;
 use crate::frame::Frame;
 use crate::geometry::CameraFromTarget;
 use crate::random;
@@ -129,7 +130,8 @@ async fn annotated(jpeg: &[u8]) -> Result<Vec<u8>, Fault> {
         ..FrameRequest::default()
     };
     let task = FrameTask::for_estimate(request, &Lookup::new(None, std::sync::Arc::default())).await?;
-    let (frame, estimate, _) = task.estimated(Seen::Bytes(jpeg), &Terms::of(&Settings::default()), None)?;
+    let (terms, mut workspace) = (Terms::of(&Settings::default()), Workspace::default());
+    let (frame, estimate, _) = task.estimated(Seen::Bytes(jpeg), &terms, None, &mut workspace)?;
     let overlay = Overlay::of(&estimate.detection, task.targets(), &estimate.targets);
     let drawn = Frame::from_rgb_image(annotate(&frame, task.camera(), &overlay)).map_err(internal)?;
     encode::jpeg(&drawn, QUALITY).map_err(internal)

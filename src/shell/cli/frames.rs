@@ -14,7 +14,7 @@ use super::moving::{self, MovingArgs};
 use super::pictures::Pictures;
 use super::{Failures, SettingsArgs, Stop, runtime};
 use crate::annotate::Overlay;
-use crate::detect::{Persistence, PersistenceOptions, Watch};
+use crate::detect::{Persistence, PersistenceOptions, Watch, Workspace};
 use crate::shell::console::{Timeline, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::{Grabber, Options, Source, is_interrupted};
@@ -264,6 +264,7 @@ fn run(
         kind,
         terms: Terms::of(&settings),
         memory: Memory::new(frames.sequence, persistence),
+        workspace: Workspace::default(),
         pictures: Pictures::new(frames.annotate.as_deref(), &sources, jobs.len() == 1 && !has_videos)?,
         failures: Failures::default(),
     };
@@ -333,6 +334,7 @@ struct Looking {
     kind: Kind,
     terms: Terms,
     memory: Memory,
+    workspace: Workspace,
     pictures: Pictures,
     failures: Failures,
 }
@@ -373,10 +375,10 @@ impl Looking {
 
     fn answer(&mut self, seen: Seen<'_>, task: &FrameTask, path: &Path) -> Result<Value, Fault> {
         let internal = |error: serde_json::Error| Fault::new(FaultKind::Internal, error.to_string());
-        let watch = &mut self.memory.watch;
+        let (watch, workspace) = (&mut self.memory.watch, &mut self.workspace);
         match self.kind {
             Kind::Detection => {
-                let (frame, mut detection, timing) = task.seen(seen, &self.terms, watch.as_mut())?;
+                let (frame, mut detection, timing) = task.seen(seen, &self.terms, watch.as_mut(), workspace)?;
                 if let Some(persistence) = &mut self.memory.persistence {
                     persistence.sift(&mut detection);
                 }
@@ -385,7 +387,7 @@ impl Looking {
                 serde_json::to_value(reply).map_err(internal)
             }
             Kind::Estimate => {
-                let (frame, estimate, timing) = task.estimated(seen, &self.terms, watch.as_mut())?;
+                let (frame, estimate, timing) = task.estimated(seen, &self.terms, watch.as_mut(), workspace)?;
                 let overlay = Overlay::of(&estimate.detection, task.targets(), &estimate.targets);
                 self.pictures.write(path, &frame, task, &overlay)?;
                 serde_json::to_value(task.estimate_reply(&frame, &estimate, watch.as_ref(), timing)).map_err(internal)

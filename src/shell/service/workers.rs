@@ -10,9 +10,11 @@ use std::time::Instant;
 
 use tokio::sync::oneshot;
 
+use crate::detect::Workspace;
 use crate::shell::fault::{Fault, FaultKind};
 
-type Job = Box<dyn FnOnce() + Send>;
+/// Each thread has memory of its own in which frames are looked at, one after the other.
+type Job = Box<dyn FnOnce(&mut Workspace) + Send>;
 
 /// The threads. They end when this is dropped and the queue is empty.
 #[derive(Debug)]
@@ -48,14 +50,26 @@ impl Workers {
         deadline: Instant,
         task: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Fault> {
+        self.look(deadline, |_| task()).await
+    }
+
+    /// As [`run`](Self::run), of a task that looks at a frame, in the worker's memory for that.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub async fn look<T: Send + 'static>(
+        &self,
+        deadline: Instant,
+        task: impl FnOnce(&mut Workspace) -> T + Send + 'static,
+    ) -> Result<T, Fault> {
         let (sender, receiver) = oneshot::channel();
-        let job: Job = Box::new(move || {
+        let job: Job = Box::new(move |workspace| {
             metrics::gauge!("skypose_queue_waiting").decrement(1.0);
             if sender.is_closed() || Instant::now() >= deadline {
                 return;
             }
-            // The task owns what it works on; nothing half changed outlives it.
-            let result = catch_unwind(AssertUnwindSafe(task));
+            // The task owns what it works on, and the memory is filled anew each time; nothing half changed outlives it.
+            let result = catch_unwind(AssertUnwindSafe(|| task(workspace)));
             let _ = sender.send(result);
         });
         metrics::gauge!("skypose_queue_waiting").increment(1.0);
@@ -81,11 +95,12 @@ impl Workers {
 }
 
 fn work(jobs: &Mutex<Receiver<Job>>) {
+    let mut workspace = Workspace::default();
     loop {
         // The lock is held while waiting for a job, never while working.
         let job = jobs.lock().unwrap_or_else(PoisonError::into_inner).recv();
         match job {
-            Ok(job) => job(),
+            Ok(job) => job(&mut workspace),
             Err(_) => return,
         }
     }

@@ -15,6 +15,14 @@ pub(super) struct Open {
 }
 
 impl Open {
+    /// Forgets all pieces.
+    pub(super) fn clear(&mut self) {
+        for list in [&mut self.parents, &mut self.grown, &mut self.free, &mut self.joined] {
+            list.clear();
+        }
+        self.sums.clear();
+    }
+
     /// A new piece.
     #[inline]
     pub(super) fn start(&mut self, sum: Sum, now: u32) -> u32 {

@@ -1,11 +1,10 @@
 //! The runs of a row of bits, and which of them holds a place.
 
 /// Where runs begin and end. Places count from the first word.
+#[derive(Default)]
 pub(super) struct Runs {
-    /// Where a bit differs from the one before it, which is where a run begins or ends.
-    changes: Vec<u64>,
-    /// How many changes come before each word.
-    before: Vec<u32>,
+    /// Where a bit differs from the one before it, which is where a run begins or ends; and how often that is so before each word.
+    changes: Vec<(u64, u32)>,
     /// Beginnings and ends in turn; room for more.
     ends: Vec<u32>,
     count: usize,
@@ -13,8 +12,10 @@ pub(super) struct Runs {
 
 impl Runs {
     /// None yet, of rows of so many words.
-    pub(super) fn of(words: usize) -> Self {
-        Self { changes: vec![0; words], before: vec![0; words], ends: vec![0; 64 * words], count: 0 }
+    pub(super) fn begin(&mut self, words: usize) {
+        self.changes.resize(words, (0, 0));
+        self.ends.resize(64 * words, 0);
+        self.count = 0;
     }
 
     /// Those of a row that ends with a word of zeros.
@@ -22,11 +23,11 @@ impl Runs {
     #[inline(always)]
     pub(super) fn read(&mut self, words: impl Iterator<Item = u64>) {
         let (mut last, mut count, mut base) = (0, 0_u32, 0);
-        for ((word, changes), before) in words.zip(&mut self.changes).zip(&mut self.before) {
-            *changes = word ^ (word << 1 | last);
-            *before = count;
+        for (word, kept) in words.zip(&mut self.changes) {
+            let changes = word ^ (word << 1 | last);
+            *kept = (changes, count);
             last = word >> 63;
-            let mut left = *changes;
+            let mut left = changes;
             for end in &mut self.ends[count as usize..][..changes.count_ones() as usize] {
                 *end = base + left.trailing_zeros();
                 left &= left - 1;
@@ -51,7 +52,8 @@ impl Runs {
     #[inline(always)]
     pub(super) fn holding(&self, place: u32) -> usize {
         let (word, bit) = (place as usize / 64, place % 64);
-        let changes = self.before[word] + (self.changes[word] & (u64::MAX >> (63 - bit))).count_ones();
+        let (changes, before) = self.changes[word];
+        let changes = before + (changes & (u64::MAX >> (63 - bit))).count_ones();
         changes as usize / 2
     }
 }
@@ -63,7 +65,8 @@ mod tests {
     #[test]
     fn runs_are_found_across_words_and_by_what_they_hold() {
         let words = [0b1110, 1 << 63, 0b11, u64::MAX, 0];
-        let mut runs = Runs::of(words.len());
+        let mut runs = Runs::default();
+        runs.begin(words.len());
         runs.read(words.into_iter());
         assert_eq!(runs.iter().collect::<Vec<_>>(), [[1, 4], [127, 130], [192, 256]]);
         assert_eq!(runs.len(), 3);

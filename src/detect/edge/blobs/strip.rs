@@ -5,15 +5,18 @@ use crate::detect::sobel::Bits;
 
 /// Two rows of bits and the one above them. Each has a word of zeros before it and two behind it, so that nothing has to ask where it ends:
 /// places are columns plus 64.
+#[derive(Default)]
 pub(super) struct Strip {
     above: Vec<u64>,
     top: Vec<u64>,
     bottom: Vec<u64>,
-    /// Squares of four pixels of which two across are set, and those of which three are, each at its right column: of the row above and
-    /// the top, and of both rows.
-    across: [Vec<u64>; 2],
-    three: [Vec<u64>; 2],
+    /// What is counted of runs, word by word side by side, so that one look has all of it.
+    counted: Vec<Counted>,
 }
+
+/// Pixels of the top row and of the bottom; squares of four pixels of which two across are set, and then those of which three are, at their
+/// right columns: of the row above and the top, and of both rows.
+type Counted = [u64; 6];
 
 /// What places are more than columns.
 const BEFORE: u32 = 64;
@@ -26,11 +29,14 @@ const NUMBERED: [u64; 5] =
     [0xAAAA_AAAA_AAAA_AAAA, 0xCCCC_CCCC_CCCC_CCCC, 0xF0F0_F0F0_F0F0_F0F0, 0xFF00_FF00_FF00_FF00, 0xFFFF_0000_FFFF_0000];
 
 impl Strip {
-    /// Empty ones, of rows like those of `bits`.
-    pub(super) fn like(bits: &Bits) -> Self {
-        let row = vec![0; bits.stride() + 3];
-        let pair = || [row.clone(), row.clone()];
-        Self { above: row.clone(), top: row.clone(), bottom: row.clone(), across: pair(), three: pair() }
+    /// Becomes empty, of rows like those of `bits`.
+    pub(super) fn begin(&mut self, bits: &Bits) {
+        for row in [&mut self.above, &mut self.top, &mut self.bottom] {
+            row.clear();
+            row.resize(bits.stride() + 3, 0);
+        }
+        self.counted.clear();
+        self.counted.resize(bits.stride() + 3, [0; 6]);
     }
 
     /// Words of a row.
@@ -79,14 +85,16 @@ impl Strip {
     #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their instructions")]
     #[inline(always)]
     pub(super) fn find_squares(&mut self) {
-        let rows = [(&self.above, &self.top), (&self.top, &self.bottom)];
-        for (((upper, lower), across), three) in rows.into_iter().zip(&mut self.across).zip(&mut self.three) {
-            for index in 1..upper.len() {
-                let before = |row: &[u64]| row[index] << 1 | row[index - 1] >> 63;
+        let length = self.counted.len();
+        let (above, top, bottom) = (&self.above[..length], &self.top[..length], &self.bottom[..length]);
+        for index in 1..length {
+            let before = |row: &[u64]| row[index] << 1 | row[index - 1] >> 63;
+            let squares = |upper: &[u64], lower: &[u64]| {
                 let [a, b, c, d] = [before(upper), upper[index], before(lower), lower[index]];
-                across[index] = (a & d & !b & !c) | (b & c & !a & !d);
-                three[index] = (a ^ b ^ c ^ d) & ((a & b) | (c & d));
-            }
+                [(a & d & !b & !c) | (b & c & !a & !d), (a ^ b ^ c ^ d) & ((a & b) | (c & d))]
+            };
+            let ([across, three], [across_below, three_below]) = (squares(above, top), squares(top, bottom));
+            self.counted[index] = [top[index], bottom[index], across, across_below, three, three_below];
         }
     }
 
@@ -96,20 +104,19 @@ impl Strip {
     pub(super) fn sum(&self, [first, end]: [u32; 2], y: u32) -> Sum {
         let (mut upper, mut lower, mut columns_total, mut corners) = (0, 0, 0, 0);
         // The column behind the run is empty, but squares end there.
-        for place in (first..=end).step_by(PIECE as usize) {
-            let mask = u32::MAX >> (PIECE - 1 - (end - place).min(PIECE - 1));
-            let both = |a: &[u64], b: &[u64]| {
-                let [a, b] = [a, b].map(|row| piece(row, place) & u64::from(mask));
-                a | b << PIECE
-            };
-            let pixels = both(&self.top, &self.bottom);
-            let [all, below] = [pixels, pixels >> PIECE].map(|word| u64::from(word.count_ones()));
+        let mut place = first;
+        while place <= end {
+            let mask = u64::from(u32::MAX >> (PIECE - 1 - (end - place).min(PIECE - 1)));
+            let [top, bottom, across, across_below, three, three_below] = self.counted(place).map(|word| word & mask);
+            let pixels = top | bottom << PIECE;
+            let [all, below] = [pixels, bottom].map(|word| u64::from(word.count_ones()));
             upper += all - below;
             lower += below;
             let bits = NUMBERED.iter().map(|numbered| u64::from((pixels & numbered).count_ones()));
             columns_total += u64::from(place - BEFORE) * all + bits.rev().fold(0, |sum, bit| 2 * sum + bit);
-            let squares = |of: &[Vec<u64>; 2]| u64::from(both(&of[0], &of[1]).count_ones());
-            corners += 2 * squares(&self.across) + squares(&self.three);
+            let [across, three] = [across | across_below << PIECE, three | three_below << PIECE].map(u64::count_ones);
+            corners += u64::from(2 * across + three);
+            place += PIECE;
         }
         Sum {
             first: [first - BEFORE, y + u32::from(upper == 0)],
@@ -119,6 +126,15 @@ impl Strip {
             columns_total,
             rows_total: u64::from(y) * (upper + lower) + lower,
         }
+    }
+
+    /// What is counted from a place on.
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their instructions")]
+    #[inline(always)]
+    fn counted(&self, place: u32) -> Counted {
+        let (word, bit) = (place as usize / 64, place % 64);
+        let [here, next] = [self.counted[word], self.counted[word + 1]];
+        std::array::from_fn(|k| here[k] >> bit | next[k] << 1 << (63 - bit))
     }
 }
 

@@ -9,6 +9,7 @@ use std::sync::mpsc;
 use super::super::Stop;
 use super::super::outputs::write;
 use super::Evaluate;
+use crate::detect::Workspace;
 use crate::shell::console::{complain, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::grab::is_interrupted;
@@ -69,10 +70,11 @@ fn looked(units: &[Unit], terms: &Terms, threads: usize) -> Result<Vec<UnitOutco
                     }
                     goes_on.load(Ordering::Relaxed)
                 };
+                let mut workspace = Workspace::default();
                 while goes_on.load(Ordering::Relaxed) {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(unit) = units.get(index) else { return };
-                    if send.send((index, run_unit(unit, terms, &mut step))).is_err() {
+                    if send.send((index, run_unit(unit, terms, &mut workspace, &mut step))).is_err() {
                         return;
                     }
                 }

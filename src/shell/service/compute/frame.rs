@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::Terms;
 use crate::camera::Camera;
 use crate::detect::color::learned;
-use crate::detect::{Detection, Detector, HueRange, Stamp, Watch, detect, looked_at};
+use crate::detect::{Detection, Detector, HueRange, Stamp, Watch, Workspace, detect_with, looked_at};
 use crate::frame::{Decoding, Frame, FrameError, RawFormat, Region, Wanted};
 use crate::pipeline::{self, Estimate, Stage, TargetEstimate};
 use crate::shell::fault::{Fault, FaultKind};
@@ -240,7 +240,7 @@ impl FrameTask {
     }
 
     /// The blobs of a frame, decoded or not, with the time that it took. It may be the next of a sequence; what knows no sequences
-    /// takes it as a single frame.
+    /// takes it as a single frame. Frames that come one after the other are looked at in one workspace.
     ///
     /// # Errors
     /// As [`decode`](Self::decode); a frame that is not one of the camera; a region that is not on the frame. The sequence then
@@ -250,6 +250,7 @@ impl FrameTask {
         seen: Seen<'_>,
         terms: &Terms,
         watch: Option<&mut Watch>,
+        workspace: &mut Workspace,
     ) -> Result<(Frame, Detection, Timing), Fault> {
         let mut stopwatch = Stopwatch::start();
         let (frame, decode, before) = match seen {
@@ -269,7 +270,7 @@ impl FrameTask {
                 let stamp = Stamp { index: self.frame_index, timestamp_us: self.timestamp_us };
                 watch.observe(&frame, region, stamp, options)
             }
-            (detector, _) => detect(&frame, region, detector),
+            (detector, _) => detect_with(workspace, &frame, region, detector),
         };
         let detect = stopwatch.lap("detect");
         let total = before + stopwatch.total();
@@ -315,11 +316,12 @@ impl FrameTask {
         seen: Seen<'_>,
         terms: &Terms,
         watch: Option<&mut Watch>,
+        workspace: &mut Workspace,
     ) -> Result<(Frame, Estimate, Timing), Fault> {
         let Some(camera) = &self.camera else {
             return Err(Fault::new(FaultKind::Internal, "an estimate without a camera"));
         };
-        let (frame, detection, mut timing) = self.seen(seen, terms, watch)?;
+        let (frame, detection, mut timing) = self.seen(seen, terms, watch, workspace)?;
         let mut stopwatch = Stopwatch::start();
         let options = pipeline::Options {
             detector: self.detector.clone(),
@@ -329,8 +331,9 @@ impl FrameTask {
             pose: self.pose,
             model_sigma_px: terms.model_sigma_px,
         };
+        let looked_at = Some((&frame, workspace));
         let estimate =
-            pipeline::estimate_of(detection, Some(&frame), camera, &self.targets, &options, |stage| match stage {
+            pipeline::estimate_of(detection, looked_at, camera, &self.targets, &options, |stage| match stage {
                 Stage::Detect => {}
                 Stage::Identify => timing.identify = Some(stopwatch.lap("identify")),
                 Stage::Solve => timing.solve = Some(stopwatch.lap("solve")),

@@ -11,6 +11,7 @@ use super::camera::{Camera, Outcome, Waiting};
 use super::listener::Listener;
 use super::now_us;
 use super::settings::StreamTask;
+use crate::detect::Workspace;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::Service;
 use crate::shell::service::compute::Terms;
@@ -75,14 +76,14 @@ impl Service {
         let memory = timeout_at(deadline.into(), Arc::clone(&camera.memory).lock_owned()).await;
         let mut memory = memory.map_err(|_| late("the frame was too old before the one before it was done"))?;
         let track = task.track;
-        let work = move || {
+        let work = move |workspace: &mut Workspace| {
             // Should the work fail by a fault of ours, nothing half changed is left.
             let mut before = std::mem::take(&mut *memory);
-            let seeing = before.see(&frame(), &task, taken_us, &terms);
+            let seeing = before.see(&frame(), &task, taken_us, &terms, workspace);
             *memory = before;
             seeing
         };
-        let mut seeing = match self.workers.run(deadline, work).await {
+        let mut seeing = match self.workers.look(deadline, work).await {
             Err(fault) if fault.kind == FaultKind::DeadlineExceeded => {
                 return Err(late("the frame was too old before its turn on a worker was over"));
             }

@@ -3,7 +3,7 @@
 use bytes::Bytes;
 
 use super::settings::StreamTask;
-use crate::detect::Watch;
+use crate::detect::{Watch, Workspace};
 use crate::frame::{Frame, Region};
 use crate::pipeline::Estimate;
 use crate::shell::fault::{Fault, FaultKind};
@@ -40,13 +40,14 @@ impl Memory {
         stream: &StreamTask,
         taken_us: i64,
         terms: &Terms,
+        workspace: &mut Workspace,
     ) -> Result<Seeing, Fault> {
         let StreamTask { task, search, track, means } = stream;
         let part = match search {
             SearchName::Full => None,
             SearchName::Predicted => self.part(task, taken_us),
         };
-        let (task, frame, estimate, timing) = self.estimated(frame, task, part, terms)?;
+        let (task, frame, estimate, timing) = self.estimated(frame, task, part, terms, workspace)?;
         let followed = self.tracks.step(taken_us, task.targets(), &estimate.targets, track)?;
         let tracks = followed.as_ref().map(|followed| told(taken_us, followed, means.as_ref()));
         let reply = task.estimate_reply(&frame, &estimate, Some(&self.watch), timing);
@@ -67,19 +68,21 @@ impl Memory {
         task: &FrameTask,
         part: Option<Region>,
         terms: &Terms,
+        workspace: &mut Workspace,
     ) -> Result<(FrameTask, Frame, Estimate, Timing), Fault> {
         let Some(part) = part else {
-            let (frame, estimate, timing) = task.estimated(Seen::Bytes(bytes), terms, Some(&mut self.watch))?;
+            let (frame, estimate, timing) =
+                task.estimated(Seen::Bytes(bytes), terms, Some(&mut self.watch), workspace)?;
             return Ok((task.clone(), frame, estimate, timing));
         };
         let in_part = task.clone().within(part);
-        let (frame, estimate, timing) = in_part.estimated(Seen::Bytes(bytes), terms, None)?;
+        let (frame, estimate, timing) = in_part.estimated(Seen::Bytes(bytes), terms, None, workspace)?;
         if self.tracks.are_found(task.targets(), &estimate.targets) {
             return Ok((in_part, frame, estimate, timing));
         }
         // Of a frame that comes raw, only the part was taken.
         let seen = if task.is_raw() { Seen::Bytes(bytes) } else { Seen::Frame { frame, decode_us: 0 } };
-        let (frame, estimate, again) = task.estimated(seen, terms, None)?;
+        let (frame, estimate, again) = task.estimated(seen, terms, None, workspace)?;
         Ok((task.clone(), frame, estimate, again.after(&timing)))
     }
 }

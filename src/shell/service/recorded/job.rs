@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::archive::Unpacked;
 use super::{Files, Unit, csv, finish, page, run_unit, units};
+use crate::detect::Workspace;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::service::compute::Terms;
 use crate::shell::service::jobs::{Attachment, Cancel, Input, JobFolder, Outcome, REPORT, Shard};
@@ -103,14 +104,14 @@ pub fn shard_count(input: &Input, terms: &RecordedTerms) -> Result<u32, Fault> {
 /// If they are not there any more.
 pub fn run_shard(input: &Input, number: u32, terms: &RecordedTerms, cancel: &Cancel) -> Result<Shard, Fault> {
     let mut work = Work::of(input, terms)?;
-    let mut outcomes = Vec::new();
+    let (mut outcomes, mut workspace) = (Vec::new(), Workspace::default());
     let range = work.units_of(number as usize);
     for unit in &work.units[range] {
         if let Place::Uploads(folder) = &mut work.files {
             let place = input.files.names().position(|name| name == unit.name());
             fetched(&input.files, place.unwrap_or_default(), folder)?;
         }
-        outcomes.push(run_unit(unit, &terms.terms, &mut || !cancel.is_cancelled()));
+        outcomes.push(run_unit(unit, &terms.terms, &mut workspace, &mut || !cancel.is_cancelled()));
         if cancel.is_cancelled() {
             return Err(Fault::new(FaultKind::Internal, "cancelled"));
         }
