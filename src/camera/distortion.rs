@@ -190,27 +190,30 @@ impl Distortion {
         accepted(ideal, error, distorted, valid_radius)
     }
 
-    /// Bisection on the radius alone: the radial part is monotonic up to `valid_radius`.
+    /// Newton's steps on the radius alone, which is monotonic up to `valid_radius`; where one leaves what is known, its middle.
     fn radial_start(&self, distorted: &Normalized, valid_radius: f64) -> Option<Normalized> {
         let wanted = distorted.norm();
         if wanted == 0.0 {
             return Some(*distorted);
         }
-        let image_radius = |r: f64| r * self.radial(r * r).factor;
         let (mut low, mut high) = (0.0, valid_radius);
         // A little slack: the tangential part may push a valid point outward.
-        if wanted > image_radius(high) * 1.1 {
+        if wanted > high * self.radial(high * high).factor * 1.1 {
             return None;
         }
+        let mut radius = wanted.min(high);
         for _ in 0..20 {
-            let middle = 0.5 * (low + high);
-            if image_radius(middle) < wanted {
-                low = middle;
-            } else {
-                high = middle;
+            let Radial { factor, slope } = self.radial(radius * radius);
+            let error = radius * factor - wanted;
+            // What is left the steps in both coordinates take.
+            if error.abs() <= 1e-6 * wanted {
+                break;
             }
+            *(if error < 0.0 { &mut low } else { &mut high }) = radius;
+            let next = radius - error / (factor + 2.0 * radius * radius * slope);
+            radius = if (low..high).contains(&next) { next } else { 0.5 * (low + high) };
         }
-        Some(distorted * (0.5 * (low + high) / wanted))
+        Some(distorted * (radius / wanted))
     }
 }
 

@@ -156,8 +156,8 @@ mod tests {
         CameraFromBoard::new(rotation, Vector3::from(middle) - rotation * centre)
     }
 
-    fn taken(camera: &Camera, pose: &CameraFromBoard, sheet: &Sheet, optics: &Optics, number: u64) -> Frame {
-        render_sheet(&Rays::of(camera), pose, sheet, optics, &mut case("aprilgrid", number))
+    fn taken(rays: &Rays, pose: &CameraFromBoard, sheet: &Sheet, optics: &Optics, number: u64) -> Frame {
+        render_sheet(rays, pose, sheet, optics, &mut case("aprilgrid", number))
     }
 
     /// Errors of points, also in standard deviations.
@@ -200,7 +200,7 @@ mod tests {
         let noisy = Optics { shot_noise_ratio: 0.03, read_noise_ratio: 0.01, ..Optics::default() };
         for (number, (lens, camera)) in (0..).zip(&lenses) {
             // The fisheye has smaller tags at the same distance.
-            let nearer = camera.focal_lengths()[0] / 600.0;
+            let (nearer, rays) = (camera.focal_lengths()[0] / 600.0, Rays::of(camera));
             for (kind, optics, most_px) in
                 [("colour", Optics::default(), 0.02), ("gray", mono, 0.02), ("noisy", noisy, 0.04)]
             {
@@ -213,7 +213,7 @@ mod tests {
                     (0..).zip([(0.4, [0.0, 45.0, 10.0]), (0.4, [35.0, -30.0, 170.0]), (0.38, [0.0, -60.0, 20.0])])
                 {
                     let pose = pose(&board, [0.0, 0.0, distance_m * nearer], angles);
-                    let frame = taken(camera, &pose, &Sheet::of(&board), &optics, 10 * number + index);
+                    let frame = taken(&rays, &pose, &Sheet::of(&board), &optics, 10 * number + index);
                     let seen = find(&frame, &board).unwrap_or_else(|error| panic!("{lens} {kind} {angles:?}: {error}"));
                     // The fisheye's farthest tags have sides of 12 px.
                     let least = if *lens == "fisheye" { 110 } else { 140 };
@@ -232,11 +232,11 @@ mod tests {
     fn a_fisheye_bends_edges_and_moves_no_corner() {
         let board = board("aprilgrid:6x4:0.03");
         let camera = camera(330.0, Distortion::Equidistant([-0.02, 0.006, -0.003, 0.001]));
-        let middle = Vector2::from(camera.principal_point());
+        let (middle, rays) = (Vector2::from(camera.principal_point()), Rays::of(&camera));
         let (mut inwards_px, mut count) = (0.0, 0.0);
         for (number, place) in (400..).zip([[0.07, 0.04], [-0.07, 0.04], [0.07, -0.04], [-0.07, -0.04]]) {
             let pose = pose(&board, [place[0], place[1], 0.22], [20.0 * place[1].signum(), -15.0, 5.0]);
-            let frame = taken(&camera, &pose, &Sheet::of(&board), &Optics::default(), number);
+            let frame = taken(&rays, &pose, &Sheet::of(&board), &Optics::default(), number);
             for seen in find(&frame, &board).expect("a board") {
                 let truth = camera.project(&(pose * board.points()[seen.point])).expect("in view");
                 inwards_px += (seen.pixel - truth).dot(&(middle - truth).normalize());
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn what_is_seen_of_a_board_is_found() {
         let (board, camera) = (board("aprilgrid:6x6:0.03"), pinhole());
-        let whole = Sheet::of(&board);
+        let (whole, rays) = (Sheet::of(&board), Rays::of(&camera));
         let mut covered = whole.clone();
         covered.obstacle = Some([0.45, 0.5, 0.08, 0.1]);
         let mut slope = whole.clone();
@@ -262,7 +262,7 @@ mod tests {
             ("in sloping light", [0.0, 0.0, 0.35], &slope, 144),
         ] {
             let pose = pose(&board, middle, [20.0, -15.0, 5.0]);
-            let frame = taken(&camera, &pose, sheet, &Optics::default(), 100);
+            let frame = taken(&rays, &pose, sheet, &Optics::default(), 100);
             let seen = find(&frame, &board).unwrap_or_else(|error| panic!("{what}: {error}"));
             assert!(
                 (least..=if what == "covered" { 136 } else { 144 }).contains(&seen.len()),
@@ -280,7 +280,7 @@ mod tests {
     fn another_board_is_told_from_it_and_nothing_is_nothing() {
         let (here, camera) = (board("aprilgrid:6x6:0.03"), pinhole());
         let frame = taken(
-            &camera,
+            &Rays::of(&camera),
             &pose(&here, [0.0, 0.0, 0.38], [20.0, 0.0, 0.0]),
             &Sheet::of(&here),
             &Optics::default(),
@@ -306,7 +306,7 @@ mod tests {
         assert_eq!(find(&frame, &board("aprilgrid:6x4:0.03")), Err(fewer));
         let chess = board("chessboard:9x6:0.02");
         let frame = taken(
-            &camera,
+            &Rays::of(&camera),
             &pose(&chess, [0.0, 0.0, 0.38], [20.0, 0.0, 0.0]),
             &Sheet::of(&chess),
             &Optics::default(),
@@ -324,7 +324,7 @@ mod tests {
         let (board, camera) = (board("aprilgrid:4x4:0.03"), pinhole());
         let half = |x: f64, number: u64| {
             let pose = pose(&board, [x, 0.0, 0.45], [0.0, 10.0, 0.0]);
-            taken(&camera, &pose, &Sheet::of(&board), &Optics::default(), number).rgb().into_owned()
+            taken(&Rays::of(&camera), &pose, &Sheet::of(&board), &Optics::default(), number).rgb().into_owned()
         };
         let (left, right) = (half(-0.14, 300), half(0.15, 301));
         let mixed = (0..left.len()).map(|at| if at / 3 % 800 < 400 { left[at] } else { right[at] }).collect();

@@ -15,6 +15,7 @@ use crate::scene::render::{Optics, Rays, Sheet, render_sheet};
 pub(super) struct View {
     pub board: Board,
     pub camera: Camera,
+    pub rays: Rays,
     pub focal_px: f64,
     pub sheet: Sheet,
     pub optics: Optics,
@@ -39,6 +40,7 @@ impl View {
         let optics = Optics { bayer: None, ..Optics::default() };
         Self {
             board,
+            rays: Rays::of(&camera),
             camera,
             focal_px,
             sheet,
@@ -66,8 +68,7 @@ impl View {
     }
 
     pub(super) fn frame(&self, seed: u64) -> Frame {
-        let rays = Rays::of(&self.camera);
-        render_sheet(&rays, &self.pose(), &self.sheet, &self.optics, &mut random::case("views of boards", seed))
+        render_sheet(&self.rays, &self.pose(), &self.sheet, &self.optics, &mut random::case("views of boards", seed))
     }
 
     pub(super) fn seen(&self, seed: u64) -> Result<Vec<SeenPoint>, NoBoard> {
