@@ -147,10 +147,10 @@ fn the_turn_that_is_flown_is_that_of_a_step_by_step_integration() {
 
 #[test]
 fn simulated_blobs_and_rendered_frames_tell_the_same() {
-    let standard = EncounterStudy::standard(3, 11);
+    let standard = EncounterStudy::standard(4, 11);
     let simulated = EncounterStudy {
         traffic: Traffic { course_rad: [PI - 0.3, PI + 0.3], miss_m: [0.0, 4.0], ..standard.traffic },
-        rate_hz: 6.0,
+        rate_hz: 10.0,
         ..standard
     };
     for detector in [Detector::default(), Detector::Beacon(BeaconOptions::default())] {
@@ -165,7 +165,7 @@ fn simulated_blobs_and_rendered_frames_tell_the_same() {
             }
             assert_eq!(one.verdict(), other.verdict());
         }
-        // A frame at six a second is three metres; the first marker of six that is found, at the rim of what can be, is a matter of luck.
+        // A frame at ten a second is two metres; the first marker of six that is found, at the rim of what can be, is a matter of luck.
         for ((simulated, rendered), tolerance) in sums[0].iter().zip(&sums[1]).zip([0.25, 0.17, 0.17]) {
             assert!((simulated / rendered - 1.0).abs() < tolerance, "{sums:?}");
         }
