@@ -188,13 +188,13 @@ fn an_encounter_is_shown_frame_by_frame() {
         assert!(grab.expect("starts").status.success());
         let frames = text(&Path::new(&grabbed).join("frames.jsonl"));
         assert_eq!(frames.lines().count(), count, "the same frames");
+        evaluate(&[&file, "--video", "/nowhere/encounter.mp4"]).assert_complains(2, &["/nowhere/encounter.mp4"]);
     } else {
         said.assert_complains(1, &["ffmpeg", "not installed"]);
     }
     let mut without = Command::new(env!("CARGO_BIN_EXE_skypose"));
     let output = without.args(["evaluate", &file, "--video", &video]).env("PATH", folder.path()).output();
     Said::of(output.expect("starts")).assert_complains(1, &["encounter.mp4", "ffmpeg", "not installed"]);
-    evaluate(&[&file, "--video", "/nowhere/encounter.mp4"]).assert_complains(2, &["/nowhere/encounter.mp4"]);
     evaluate(&[&file, "--video", &place(&folder, "a.pdf")]).assert_complains(2, &["a.pdf", ".mp4"]);
 }
 
