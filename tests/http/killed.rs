@@ -9,6 +9,7 @@ use reqwest::RequestBuilder;
 use serde_json::{Value, json};
 
 use crate::calibrations::{form, gone, request, wall};
+use crate::station::client;
 
 const PICTURES: u64 = 7;
 
@@ -43,7 +44,7 @@ impl Program {
     }
 
     pub async fn get(&self, place: &str) -> Value {
-        let text = reqwest::get(format!("{}{place}", self.base)).await.expect("an answer").text().await;
+        let text = client().get(format!("{}{place}", self.base)).send().await.expect("an answer").text().await;
         serde_json::from_str(&text.expect("a text")).expect("JSON")
     }
 
@@ -57,7 +58,7 @@ impl Program {
 
     /// Where the job is that is made of this body.
     pub async fn make(&self, kind: &str, body: impl FnOnce(RequestBuilder) -> RequestBuilder) -> String {
-        let post = reqwest::Client::new().post(format!("{}{kind}", self.base));
+        let post = client().post(format!("{}{kind}", self.base));
         let reply = body(post).send().await.expect("an answer");
         assert_eq!(reply.status(), 202);
         reply.headers()["location"].to_str().expect("a text").to_owned()
@@ -123,7 +124,7 @@ async fn a_job_whose_process_is_killed_comes_to_the_result_of_one_left_alone() {
         assert_eq!(resumed[member], undisturbed[member], "{member}");
     }
     // Each picture was told of once, however often it was looked at.
-    let events = reqwest::get(format!("{}{place}/events", program.base)).await.expect("an answer");
+    let events = client().get(format!("{}{place}/events", program.base)).send().await.expect("an answer");
     let events = events.text().await.expect("it ends");
     for number in 0..PICTURES {
         let told = events.matches(&format!("\"message\":\"{number:02}.png: ")).count();

@@ -6,7 +6,7 @@ use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use crate::station::{Station, jpeg};
+use crate::station::{Station, client, jpeg};
 
 const QUERY: &str = "/v1/estimates?camera=demo&target=wing-six";
 
@@ -87,7 +87,7 @@ async fn told_to_stop_it_answers_what_is_under_way_and_ends() {
     let base = station.base.clone();
     let ended = tokio::time::timeout(Duration::from_secs(10), station.serving).await;
     ended.expect("it ends").expect("no panic").expect("no fault");
-    assert!(reqwest::get(format!("{base}/healthz")).await.is_err(), "the door is shut");
+    assert!(client().get(format!("{base}/healthz")).send().await.is_err(), "the door is shut");
 }
 
 #[tokio::test]

@@ -5,12 +5,13 @@ mod cluster;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-use reqwest::{Client, RequestBuilder, StatusCode};
+use reqwest::{RequestBuilder, StatusCode};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::calibrations::{boards, form, request, wall};
 use crate::killed::{Program, is_final};
+use crate::station::client;
 use cluster::Cluster;
 
 const CALIBRATIONS: &str = "/v1/calibrations";
@@ -96,12 +97,12 @@ impl Server {
     }
 
     async fn text(&self, place: &str) -> String {
-        let reply = reqwest::get(format!("{}{place}", self.program.base)).await.expect("an answer");
+        let reply = client().get(format!("{}{place}", self.program.base)).send().await.expect("an answer");
         reply.text().await.expect("a text")
     }
 
     async fn status(&self, place: &str) -> StatusCode {
-        reqwest::get(format!("{}{place}", self.program.base)).await.expect("an answer").status()
+        client().get(format!("{}{place}", self.program.base)).send().await.expect("an answer").status()
     }
 
     async fn becomes(&self, place: &str, wanted: StatusCode) {
@@ -209,8 +210,8 @@ async fn three_servers(work: &Work) {
         assert_eq!(server.text(&attachment).await, report);
         assert_told_once(work, &server.text(&format!("{place}/events")).await);
     }
-    let client = Client::new();
-    let removed = client.delete(format!("{}{place}", servers[2].program.base)).send().await.expect("an answer");
+    let http = client();
+    let removed = http.delete(format!("{}{place}", servers[2].program.base)).send().await.expect("an answer");
     assert_eq!(removed.status(), StatusCode::NO_CONTENT);
     assert_eq!(servers[0].status(&attachment).await, StatusCode::NOT_FOUND);
     for server in servers {
@@ -224,16 +225,16 @@ async fn what_one_server_is_told_the_others_do() {
     let Some(cluster) = Cluster::start().await else { return };
     let database = cluster.database().await;
     let servers = [(); 3].map(|()| Server::start(Some(&database)));
-    let client = Client::new();
+    let http = client();
     let camera = |fx: f64| json!({"width": 640, "height": 480, "fx": fx, "fy": 600, "cx": 320, "cy": 240});
     let pose = json!({"camera": "front", "object_points_m": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
                       "image_points_px": [[320, 240], [440, 240], [440, 360], [320, 360]]});
     let posed = async |server: &Server| {
-        client.post(format!("{}/v1/poses", server.program.base)).json(&pose).send().await.expect("an answer").status()
+        http.post(format!("{}/v1/poses", server.program.base)).json(&pose).send().await.expect("an answer").status()
     };
     assert_eq!(posed(&servers[1]).await, StatusCode::NOT_FOUND);
     for fx in [600.0, 700.0] {
-        let put = client.put(format!("{}/v1/cameras/front", servers[0].program.base)).json(&camera(fx));
+        let put = http.put(format!("{}/v1/cameras/front", servers[0].program.base)).json(&camera(fx));
         assert!(put.send().await.expect("an answer").status().is_success());
         for server in &servers {
             assert_eq!(server.program.get("/v1/cameras/front").await["fx"], fx);
@@ -244,7 +245,7 @@ async fn what_one_server_is_told_the_others_do() {
     let work = &CALIBRATION;
     let place = servers[0].program.make(work.place, work.body).await;
     servers[1].program.when(&place, |job| job["shards_done"].as_u64() > Some(3)).await;
-    let cancelled = client.delete(format!("{}{place}", servers[2].program.base)).send().await.expect("an answer");
+    let cancelled = http.delete(format!("{}{place}", servers[2].program.base)).send().await.expect("an answer");
     assert_eq!(cancelled.status(), StatusCode::ACCEPTED);
     let job = servers[0].program.get(&place).await;
     assert_eq!(job["status"], "cancelled");
@@ -276,7 +277,7 @@ async fn a_database_that_goes_away_and_comes_back_is_waited_for() {
     cluster.stop();
     server.becomes("/readyz", StatusCode::SERVICE_UNAVAILABLE).await;
     let start = Instant::now();
-    let reply = reqwest::get(format!("{}/v1/cameras", server.program.base)).await.expect("an answer");
+    let reply = client().get(format!("{}/v1/cameras", server.program.base)).send().await.expect("an answer");
     assert_eq!(reply.status(), StatusCode::SERVICE_UNAVAILABLE);
     assert_eq!(reply.headers()["content-type"], "application/problem+json");
     assert!(start.elapsed() < Duration::from_secs(8), "it took {:?}", start.elapsed());
