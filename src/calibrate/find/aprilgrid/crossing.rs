@@ -70,7 +70,8 @@ pub(super) struct Fit {
     contrast: f64,
     /// By how much what is between black and white is lighter than their mean, shares of half the contrast.
     pub curve: f64,
-    /// Variance per axis that sampling adds, px^2.
+    /// Part of what is left over that moves the corner, and variance per axis that sampling adds, px^2.
+    moving_share: f64,
     sampled_px2: f64,
 }
 
@@ -80,6 +81,8 @@ struct Pull {
     is_in: bool,
     by: Vector2<f64>,
     left: f64,
+    /// What the fit takes from the noise that two pixels have in common is the product of theirs.
+    lean: Row,
 }
 
 /// The corner near `start`; `None` where there is none or the picture ends.
@@ -133,11 +136,12 @@ pub(super) fn fit(raw: &Plane, start: &Start) -> Option<Fit> {
         return None;
     }
     let inverse = sums.normal.try_inverse()?;
+    let root = inverse.cholesky()?.l().transpose();
     let gain = inverse.fixed_view::<2, COUNT>(0, 0).into_owned();
     let pulls = window.pixels.iter().map(|pixel| match pixel {
         Some((offset, value)) => {
             let (model, by) = model(&at, &edges, offset);
-            Pull { is_in: true, by: gain * by, left: value - model }
+            Pull { is_in: true, by: gain * by, left: value - model, lean: root * by }
         }
         None => Pull::default(),
     });
@@ -148,6 +152,7 @@ pub(super) fn fit(raw: &Plane, start: &Start) -> Option<Fit> {
         noise,
         contrast,
         curve: -2.0 * at[7] / contrast,
+        moving_share: sampling::moving_share(at[4].exp()),
         sampled_px2: sampling::variance_px2(window.drifts_px, at[4].exp()),
     })
 }
@@ -168,7 +173,7 @@ impl Fit {
         }
         // Both axes; noise that is like over larger distances than are looked at must not make it nothing.
         let alone: f64 = self.pairs(0, 0).map(|(a, _)| a.by.norm_squared()).sum();
-        let of_fit = sampling::QUIET * self.noise * self.noise * 0.5 * variance.max(0.5 * alone);
+        let of_fit = self.moving_share * self.noise * self.noise * 0.5 * variance.max(0.5 * alone);
         (of_fit + self.sampled_px2).sqrt()
     }
 
@@ -195,16 +200,25 @@ impl Likeness {
     pub(super) fn of<'a>(fits: &(impl Iterator<Item = &'a Fit> + Clone)) -> Self {
         let half = |[right, down]: &[isize; 2]| *down > 0 || *right >= 0;
         let all = (0..=LIKE_PX).flat_map(|down| (-LIKE_PX..=LIKE_PX).map(move |right| [right, down]));
+        // What is left over is alike, and what the fit took of noise that is not, on average.
         let mean = |[right, down]: [isize; 2]| {
             let products = fits.clone().flat_map(|fit| {
                 let scale = fit.noise * fit.noise;
-                fit.pairs(right, down.unsigned_abs()).map(move |(a, b)| a.left * b.left / scale)
+                let product = move |(a, b): (&Pull, &Pull)| [a.left * b.left / scale, a.lean.dot(&b.lean)];
+                fit.pairs(right, down.unsigned_abs()).map(product)
             });
-            let (sum, count) = products.fold((0.0, 0.0), |(sum, count), product| (sum + product, count + 1.0));
-            if count > 0.0 { sum / count } else { 0.0 }
+            let add =
+                |(sum, count): ([f64; 2], f64), [like, taken]: [f64; 2]| ([sum[0] + like, sum[1] + taken], count + 1.0);
+            let (sum, count) = products.fold(([0.0; 2], 0.0), add);
+            sum.map(|sum| if count > 0.0 { sum / count } else { 0.0 })
         };
-        let alone = mean([0, 0]);
-        let share = |way: [isize; 2]| if way == [0, 0] { 1.0 } else { mean(way) / alone };
+        let [alone, _] = mean([0, 0]);
+        let share = |way: [isize; 2]| match mean(way) {
+            _ if way == [0, 0] => 1.0,
+            // A fit bends after noise, so that what it leaves over is unlike where the noise is neither.
+            [like, taken] if like < 0.0 => (like + taken).min(0.0) / alone,
+            [like, _] => like / alone,
+        };
         let shares = all.filter(half).map(|way| (way, if alone > 0.0 { share(way) } else { 0.0 }));
         Self { shares: shares.collect() }
     }

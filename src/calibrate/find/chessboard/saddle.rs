@@ -162,7 +162,7 @@ pub(super) fn fit(plane: &Plane<'_>, start: &Start, settled: &Settled) -> Option
     let blurs_px = [(widths[0], at[2]), (widths[1], at[4])]
         .map(|(width, sharpness)| width / (std::f64::consts::SQRT_2 * sharpness.abs()));
     let light = Light { half: at[6], mean: Some(at[7]), slopes: [at[8], at[9]], curve: at[10], blurs_px };
-    let of_fit = 0.5 * sampling::QUIET * spread.trace();
+    let of_fit = 0.5 * sampling::moving_share(light.sharpest_px()) * spread.trace();
     let saddle = Saddle {
         place: window.middle + start.axes * place,
         sigma_px: (of_fit + sampling::variance_px2(window.drifts_px, light.sharpest_px())).sqrt(),
