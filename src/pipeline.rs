@@ -1,6 +1,6 @@
 //! The spine: a frame in, an estimate out, on one screen.
 //!
-//! `Frame` → [`detect`] → centroids → [`identify`](crate::identify::identify) → correspondences → [`estimate_pose`] → poses.
+//! `Frame` → [`detect`](crate::detect::detect_with) → centroids → [`identify`](crate::identify::identify) → correspondences → [`estimate_pose`] → poses.
 //! Each stage reports to the caller when it is done; there is no clock in here.
 
 mod again;
