@@ -81,7 +81,7 @@ struct Pull {
     is_in: bool,
     by: Vector2<f64>,
     left: f64,
-    /// What the fit takes from the noise that two pixels have in common is the product of theirs.
+    /// Its row of a root of the hat matrix: by the product of two, what the fit takes from noise makes their residuals unlike.
     lean: Row,
 }
 
@@ -200,7 +200,7 @@ impl Likeness {
     pub(super) fn of<'a>(fits: &(impl Iterator<Item = &'a Fit> + Clone)) -> Self {
         let half = |[right, down]: &[isize; 2]| *down > 0 || *right >= 0;
         let all = (0..=LIKE_PX).flat_map(|down| (-LIKE_PX..=LIKE_PX).map(move |right| [right, down]));
-        // What is left over is alike, and what the fit took of noise that is not, on average.
+        // How alike what is left over is, and how unlike a fit makes noise that is neither, on average.
         let mean = |[right, down]: [isize; 2]| {
             let products = fits.clone().flat_map(|fit| {
                 let scale = fit.noise * fit.noise;
@@ -215,7 +215,6 @@ impl Likeness {
         let [alone, _] = mean([0, 0]);
         let share = |way: [isize; 2]| match mean(way) {
             _ if way == [0, 0] => 1.0,
-            // A fit bends after noise, so that what it leaves over is unlike where the noise is neither.
             [like, taken] if like < 0.0 => (like + taken).min(0.0) / alone,
             [like, _] => like / alone,
         };
