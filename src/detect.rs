@@ -6,6 +6,7 @@
 
 mod bands;
 pub mod beacon;
+mod bits;
 pub mod blob;
 pub mod color;
 pub mod components;
@@ -21,6 +22,9 @@ pub mod sobel;
 pub mod thesis;
 pub mod threshold;
 
+use std::sync::LazyLock;
+
+use fearless_simd::Level;
 use nalgebra::Vector2;
 
 use crate::camera::Pixel;
@@ -254,6 +258,7 @@ pub struct Workspace {
     beacon: beacon::Finder,
     thesis: thesis::Finder,
     edge: edge::Finder,
+    sky: Watch,
 }
 
 /// The centroids in `region`, in pixels of the whole frame. The region must lie on the frame.
@@ -262,8 +267,8 @@ pub fn detect(frame: &Frame, region: Region, detector: &Detector) -> Detection {
     detect_with(&mut Workspace::default(), frame, region, detector)
 }
 
-/// As [`detect`], in memory that is there already. A single frame of the sky is looked at in memory of its own; frames that follow each
-/// other have a [`Watch`].
+/// As [`detect`], in memory that is there already. To the sky too each frame is one of its own here; frames that follow each other have a
+/// [`Watch`].
 #[must_use]
 pub fn detect_with(workspace: &mut Workspace, frame: &Frame, region: Region, detector: &Detector) -> Detection {
     let detection = match detector {
@@ -271,7 +276,7 @@ pub fn detect_with(workspace: &mut Workspace, frame: &Frame, region: Region, det
         Detector::Beacon(options) => workspace.beacon.detect(frame, region, options),
         Detector::Thesis => workspace.thesis.detect(frame, region),
         Detector::Edge(options) => workspace.edge.detect(frame, region, options),
-        Detector::Sky(options) => sky::detect(frame, region, options),
+        Detector::Sky(options) => sky::detect(&mut workspace.sky, frame, region, options),
     };
     if region.area() > MOST_KEPT_PX {
         *workspace = Workspace::default();
@@ -287,6 +292,9 @@ const MOST_KEPT_PX: usize = 7680 * 4320;
 pub fn looked_at(region: Region, width: u32, height: u32) -> Region {
     region.grown(locate::reach_px(region.width.max(region.height)), width, height)
 }
+
+/// What the machine can do, asked once.
+static MACHINE: LazyLock<Level> = LazyLock::new(Level::new);
 
 /// In single precision, whose seven digits are enough for what eight bits say.
 #[expect(clippy::cast_possible_truncation, reason = "what is lost is far below a pixel or a gray level")]

@@ -7,7 +7,10 @@ use nalgebra::{Matrix2, Matrix3};
 use skypose::detect::edge::EdgeOptions;
 use skypose::detect::locate::Shape;
 use skypose::detect::median::Window;
-use skypose::detect::{BeaconOptions, ColorOptions, Detection, Detector, HueRange, Workspace, detect, detect_with};
+use skypose::detect::{
+    BeaconOptions, ColorOptions, Detection, Detector, HueRange, SkyOptions, Stamp, Watch, Workspace, detect,
+    detect_with,
+};
 use skypose::frame::{Coding, Decoding, Frame, Pixels, Region};
 use skypose::random;
 use skypose::scene::encode;
@@ -30,7 +33,7 @@ fn frames() -> [Frame; 4] {
     [wing, coded, luma, frame(Pixels::Rgb(noise))]
 }
 
-fn detectors() -> [(&'static str, Detector); 8] {
+fn detectors() -> [(&'static str, Detector); 9] {
     let edge = |rows, columns| {
         let window = Window::checked(rows, columns).expect("a window");
         Detector::Edge(EdgeOptions { window, ..EdgeOptions::THESIS })
@@ -44,6 +47,7 @@ fn detectors() -> [(&'static str, Detector); 8] {
         ("edge, the seed's window", edge(9, 10)),
         ("edge, a window with a network of its own", edge(5, 4)),
         ("edge, a window of histograms", edge(21, 33)),
+        ("sky", Detector::Sky(SkyOptions::default())),
     ]
 }
 
@@ -93,4 +97,38 @@ fn markers_are_located_again_in_memory_that_is_there() {
     let again = look_again();
     assert!(again >= 4, "{again} of {}", centroids.len());
     assert_eq!(measure(|| _ = look_again()).count_total, 0);
+}
+
+#[test]
+fn a_sequence_of_the_sky_takes_memory_for_what_it_reports_alone() {
+    let rng = &mut random::named("allocations of a sequence");
+    let frames: Vec<Frame> = (0..10)
+        .map(|step| {
+            let (pose, sky) = (Flight::HeadOn.pose(100 + step), Sky::fair(1, [0.3, 0.1]));
+            render(&demo_camera(), &pose, &wing(), &sky, &Optics::default(), rng)
+        })
+        .collect();
+    let mut watch = Watch::new();
+    let mut observe = |frame: &Frame| {
+        let mut detection = Detection::default();
+        let taken = measure(|| {
+            detection = watch.observe(frame, PART, Stamp::default(), &SkyOptions::default());
+        });
+        let is_first = watch.beginning().is_some();
+        if std::ptr::eq(frame, &raw const frames[9]) {
+            watch.forget();
+        }
+        (taken.count_total, is_first, detection)
+    };
+    // Room for all that the sequence shows, and once more from its beginning.
+    let once: Vec<_> = frames.iter().map(&mut observe).collect();
+    let again: Vec<_> = frames.iter().map(&mut observe).collect();
+    for (index, ((_, _, once), (taken, is_first, again))) in once.iter().zip(&again).enumerate() {
+        assert_eq!(*taken, needed(again), "frame {index}");
+        assert_eq!(*is_first, index == 0, "frame {index}");
+        let places =
+            |detection: &Detection| -> Vec<_> { detection.centroids.iter().map(|found| found.pixel).collect() };
+        assert_eq!(places(once), places(again), "frame {index}: what was forgotten is found as at first");
+    }
+    assert!(once.last().is_some_and(|(_, _, last)| !last.centroids.is_empty()));
 }

@@ -3,6 +3,10 @@
 //! Rows are cut into runs of foreground pixels; runs that touch are joined (union-find). The cost is one pass over the
 //! pixels plus the number of runs, however the components wind.
 
+use fearless_simd::dispatch;
+use fearless_simd::prelude::*;
+
+use super::{MACHINE, bits};
 use crate::frame::Region;
 
 /// Which pixels touch.
@@ -198,26 +202,32 @@ pub fn mean_position(runs: &[Run]) -> (f64, f64) {
     (sum_x / f64::max(count, 1.0), sum_y / f64::max(count, 1.0))
 }
 
-/// The runs of one row. Stretches of background, and of foreground, are skipped sixteen samples at a time.
+/// The runs of one row.
 fn push_runs(row: &[u8], threshold: u8, x: u32, y: u32, runs: &mut Vec<Run>) {
-    let mut at = 0;
-    while at < row.len() {
-        // Without a branch inside, each compiles to one comparison of a whole register.
-        let start =
-            at + skipped(&row[at..], |chunk| chunk.iter().fold(0, |most, sample| most.max(*sample)) < threshold);
-        let Some(start) = row[start..].iter().position(|sample| *sample >= threshold).map(|more| start + more) else {
-            return;
-        };
-        let end = start + skipped(&row[start..], |chunk| chunk.iter().fold(255, |least, s| least.min(*s)) >= threshold);
-        let end = row[end..].iter().position(|sample| *sample < threshold).map_or(row.len(), |more| end + more);
-        runs.push(Run { y, start: x + as_u32(start), end: x + as_u32(end) });
-        at = end;
-    }
+    dispatch!(*MACHINE, simd => push_runs_by(simd, row, threshold, [x, y], runs));
 }
 
-/// Samples at the beginning of `row` that lie in whole chunks of which `holds` is true.
-fn skipped(row: &[u8], holds: impl Fn(&[u8; 16]) -> bool) -> usize {
-    16 * row.as_chunks::<16>().0.iter().take_while(|chunk| holds(chunk)).count()
+#[expect(clippy::inline_always, reason = "only inside its caller can it be compiled for its instructions")]
+#[inline(always)]
+fn push_runs_by<S: Simd>(simd: S, row: &[u8], threshold: u8, [x, y]: [u32; 2], runs: &mut Vec<Run>) {
+    let (mut last, mut start) = (0, None);
+    for (number, place) in (0..row.len().div_ceil(bits::SAMPLES)).zip((x..).step_by(bits::SAMPLES)) {
+        let word = bits::at_least(simd, row, number, threshold);
+        // Where a sample differs from the one before it a run begins or ends.
+        let mut changes = word ^ (word << 1 | last);
+        last = word >> 63;
+        while changes != 0 {
+            let at = place + changes.trailing_zeros();
+            changes &= changes - 1;
+            match start.take() {
+                Some(start) => runs.push(Run { y, start, end: at }),
+                None => start = Some(at),
+            }
+        }
+    }
+    if let Some(start) = start {
+        runs.push(Run { y, start, end: x + as_u32(row.len()) });
+    }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "columns and numbers of runs stay below the pixel limit")]

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use super::single;
 
 /// What a pixel is, and where.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     pub x: f32,
     pub y: f32,
@@ -29,13 +29,9 @@ pub(super) fn shortest_half(values: &mut [f32]) -> Option<(f32, f32)> {
     Some((values[start] + 0.5 * stretch(start), 0.7413 * stretch(start)))
 }
 
-/// The slope of most of the samples, in values a pixel, as far as it is more than chance. `None` for too few of them.
-pub(super) fn slope(samples: &[Sample]) -> Option<Vector2<f64>> {
-    slope_in(samples, &mut Vec::new())
-}
-
-/// As [`slope`]; `offs` are what it works with.
-pub(super) fn slope_in(samples: &[Sample], offs: &mut Vec<f32>) -> Option<Vector2<f64>> {
+/// The slope of most of the samples, in values a pixel, as far as it is more than chance; `offs` are what it works with. `None` for too few of
+/// them.
+pub(super) fn slope(samples: &[Sample], offs: &mut Vec<f32>) -> Option<Vector2<f64>> {
     if samples.len() < MIN_LEVELLED {
         return None;
     }
@@ -100,14 +96,14 @@ mod tests {
 
     #[test]
     fn a_ground_that_slopes_is_levelled_whatever_else_lies_on_it() {
-        let found = slope(&ring(|x, y| 20.0 + 1.5 * x - 0.7 * y)).expect("enough samples");
+        let found = slope(&ring(|x, y| 20.0 + 1.5 * x - 0.7 * y), &mut Vec::new()).expect("enough samples");
         assert!((found - Vector2::new(1.5, -0.7)).norm() < 0.1, "{found:?}");
     }
 
     #[test]
     fn a_level_ground_stays_and_few_samples_tell_nothing() {
-        let found = slope(&ring(|_, _| 20.0)).expect("enough samples");
+        let found = slope(&ring(|_, _| 20.0), &mut Vec::new()).expect("enough samples");
         assert!(found.norm() < 0.05, "{found:?}");
-        assert!(slope(&ring(|x, _| x)[..MIN_LEVELLED - 1]).is_none());
+        assert!(slope(&ring(|x, _| x)[..MIN_LEVELLED - 1], &mut Vec::new()).is_none());
     }
 }

@@ -34,8 +34,7 @@ mod tests;
 
 use super::{Centroid, Detection, in_frame, luma, single};
 use crate::frame::{Frame, Region};
-use level::Level;
-use measure::{Measured, measure};
+use measure::Measured;
 use track::Track;
 
 pub use watch::{Beginning, Stamp, Watch};
@@ -59,10 +58,10 @@ impl Default for SkyOptions {
     }
 }
 
-/// What is in `region` of a single frame. Of motion nothing is known, so the scores are lower than in a sequence.
-#[must_use]
-pub fn detect(frame: &Frame, region: Region, options: &SkyOptions) -> Detection {
-    let mut watch = Watch::new();
+/// What is in `region` of a single frame. Of motion nothing is known, so the scores are lower than in a sequence. `watch` lends its memory
+/// and forgets what it saw.
+pub(super) fn detect(watch: &mut Watch, frame: &Frame, region: Region, options: &SkyOptions) -> Detection {
+    watch.forget();
     let mut detection = watch.observe(frame, region, Stamp::default(), options);
     detection.centroids.iter_mut().for_each(|centroid| centroid.track_id = None);
     detection
@@ -76,18 +75,22 @@ impl Watch {
         luma::take(frame, region, &mut samples);
         self.observe_luma(&samples, [region.width as usize, region.height as usize], stamp);
         self.samples = samples;
-        let mut centroids: Vec<Centroid> = self
-            .tracks()
-            .iter()
-            // What is not seen in this frame is not reported in it.
-            .filter(|track| track.misses == 0)
-            .map(|track| (track, score::probability(track)))
-            .filter(|(_, score)| *score >= options.min_score)
-            .map(|(track, score)| centroid(track, score, self.levels(), region))
-            .filter(|centroid| centroid.area_px >= options.min_area_px)
-            .collect();
-        centroids.sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
-        centroids.truncate(options.max_centroids);
+        let (mut reported, mut measurer) = (std::mem::take(&mut self.reported), std::mem::take(&mut self.measurer));
+        reported.clear();
+        reported.extend(
+            self.tracks()
+                .iter()
+                // What is not seen in this frame is not reported in it.
+                .filter(|track| track.misses == 0)
+                .map(|track| (track, score::probability(track)))
+                .filter(|(_, score)| *score >= options.min_score)
+                .map(|(track, score)| centroid(track, score, measurer.measure(self.levels(), &track.seen), region))
+                .filter(|centroid| centroid.area_px >= options.min_area_px),
+        );
+        reported.sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
+        reported.truncate(options.max_centroids);
+        let centroids = reported.clone();
+        (self.reported, self.measurer) = (reported, measurer);
         Detection { centroids, refused: Vec::new() }
     }
 }
@@ -95,15 +98,14 @@ impl Watch {
 /// What cannot be measured stands before clouds or ground, and its place is this much less sure than that of a candidate in the mean.
 const ROUGHER: f64 = 1.5;
 
-fn centroid(track: &Track, score: f64, levels: &[Level], region: Region) -> Centroid {
+fn centroid(track: &Track, score: f64, measured: Option<Measured>, region: Region) -> Centroid {
     let seen = &track.seen;
-    let rough = || Measured {
+    let measured = measured.unwrap_or_else(|| Measured {
         place: seen.place,
         sigma_px: ROUGHER * track::spread_px(seen),
         area_px: seen.area_px,
         bounds: seen.bounds,
-    };
-    let measured = measure(levels, seen).unwrap_or_else(rough);
+    });
     let within = |along: f64, side: u32| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the region")]
         let along = along.clamp(0.0, f64::from(side)).round() as u32;

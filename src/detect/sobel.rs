@@ -1,6 +1,10 @@
 //! Sobel's gradient, thresholded to a bit a pixel.
 
+use fearless_simd::dispatch;
+use fearless_simd::prelude::*;
+
 use super::gray::Plane;
+use super::{MACHINE, bits};
 
 /// Which pixels of a picture are edges, a bit each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -131,19 +135,16 @@ fn compare(across: &[i16], down: &[i16], threshold: u16, mask: &mut [u8]) {
     }
 }
 
-/// 64 pixels of 0 or 1 in each word. Most hold none, which one look tells; otherwise a product puts eight of them side by side in
-/// its highest byte.
+/// 64 pixels of 0 or 1 in each word.
 fn pack(mask: &[u8], words: &mut [u64]) {
-    for (word, pixels) in words.iter_mut().zip(mask.as_chunks::<64>().0) {
-        if pixels.iter().fold(0, |any, pixel| any | pixel) == 0 {
-            *word = 0;
-            continue;
-        }
-        let eights = pixels.as_chunks::<8>().0.iter().enumerate();
-        *word = eights.fold(0, |word, (index, eight)| {
-            let side_by_side = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-            word | side_by_side << (8 * index)
-        });
+    dispatch!(*MACHINE, simd => pack_by(simd, mask, words));
+}
+
+#[expect(clippy::inline_always, reason = "only inside its caller can it be compiled for its instructions")]
+#[inline(always)]
+fn pack_by<S: Simd>(simd: S, mask: &[u8], words: &mut [u64]) {
+    for (number, word) in words.iter_mut().enumerate() {
+        *word = bits::at_least(simd, mask, number, 1);
     }
 }
 

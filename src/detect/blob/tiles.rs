@@ -1,10 +1,14 @@
 //! Which parts of a picture are worth a search at a level: those that hold something, and are not all texture.
 
+use fearless_simd::dispatch;
+use fearless_simd::prelude::*;
+
 use super::Picture;
+use crate::detect::{MACHINE, bits};
 use crate::frame::Region;
 
 /// Side of a tile, px.
-const SIDE: usize = 64;
+const SIDE: usize = bits::SAMPLES;
 
 /// Beginnings of runs, of 4096 pixels, above which a tile is texture at this level. Six markers of ten rows each have 60.
 const MAX_STARTS: u32 = 128;
@@ -28,9 +32,8 @@ pub(super) struct Tiles {
     window: Region,
     columns: usize,
     kinds: Vec<Tile>,
-    /// Beginnings of runs: of each tile, and of each column of a row of tiles.
+    /// Beginnings of runs of each tile.
     starts: Vec<u32>,
-    counts: Vec<u8>,
     open: Vec<Region>,
 }
 
@@ -45,14 +48,12 @@ impl Tiles {
             &picture.score[start..start + width]
         };
         self.starts.clear();
-        self.counts.resize(self.columns * SIDE, 0);
-        for top in (window.y..window.y + window.height).step_by(SIDE) {
-            self.counts.fill(0);
+        self.starts.resize(self.columns * (window.height as usize).div_ceil(SIDE), 0);
+        let tops = (window.y..window.y + window.height).step_by(SIDE);
+        for (top, starts) in tops.zip(self.starts.chunks_exact_mut(self.columns.max(1))) {
             for y in (top..window.y + window.height).take(SIDE) {
-                count_starts(row(y), threshold, &mut self.counts);
+                count_starts(row(y), threshold, starts);
             }
-            let blocks = self.counts.as_chunks::<SIDE>().0;
-            self.starts.extend(blocks.iter().map(|starts| starts.iter().map(|count| u32::from(*count)).sum::<u32>()));
         }
         let most = most_starts(&self.starts, window.area());
         let kind = |starts: &u32| match *starts {
@@ -145,15 +146,19 @@ const fn as_u32(side: usize) -> u32 {
     side as u32
 }
 
-/// Adds one in each column where a run begins. At most [`SIDE`] rows are counted, so a byte is enough.
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1+ssse3"))]
-fn count_starts(row: &[u8], threshold: u8, counts: &mut [u8]) {
-    let Some(first) = row.first() else { return };
-    counts[0] += u8::from(*first >= threshold);
-    let (before, here) = (&row[..row.len() - 1], &row[1..]);
-    let counts = &mut counts[1..][..here.len()];
-    for x in 0..here.len() {
-        counts[x] += u8::from(here[x] >= threshold) & u8::from(before[x] < threshold);
+/// Adds to each tile the beginnings of runs in its part of a row.
+fn count_starts(row: &[u8], threshold: u8, starts: &mut [u32]) {
+    dispatch!(*MACHINE, simd => count_starts_by(simd, row, threshold, starts));
+}
+
+#[expect(clippy::inline_always, reason = "only inside its caller can it be compiled for its instructions")]
+#[inline(always)]
+fn count_starts_by<S: Simd>(simd: S, row: &[u8], threshold: u8, starts: &mut [u32]) {
+    let mut last = 0;
+    for (number, starts) in starts.iter_mut().enumerate() {
+        let word = bits::at_least(simd, row, number, threshold);
+        *starts += (word & !(word << 1 | last)).count_ones();
+        last = word >> 63;
     }
 }
 

@@ -5,16 +5,11 @@
     reason = "what is not inlined is not compiled for the instructions of the function that calls it"
 )]
 
-use std::sync::LazyLock;
-
+use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, f32x8};
 
 /// How many pixels go side by side.
 pub(super) const LANES: usize = 8;
-
-/// What the machine can do, asked once.
-pub(super) static MACHINE: LazyLock<Level> = LazyLock::new(Level::new);
 
 /// One number of each pixel, as it is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +50,7 @@ mod tests {
     use fearless_simd::dispatch;
 
     use super::*;
+    use crate::detect::MACHINE;
 
     #[test]
     fn the_logistic_is_that_of_the_library() {

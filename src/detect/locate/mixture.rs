@@ -106,8 +106,9 @@ pub(super) fn chroma_weights(hue: &Vector2<f64>) -> [f64; 3] {
 mod tests {
     use fearless_simd::dispatch;
 
-    use super::super::lanes::{LANES, Lanes, MACHINE};
+    use super::super::lanes::{LANES, Lanes};
     use super::*;
+    use crate::detect::MACHINE;
 
     const GROUND: Colour = Colour { luma: 140.0, chroma: Vector2::new(8.0, -6.0) };
     const MARKER: Colour = Colour { luma: 90.0, chroma: Vector2::new(-25.0, 80.0) };

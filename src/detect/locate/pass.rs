@@ -11,11 +11,11 @@ use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
 use super::Likeness;
 use super::ellipse::{Ellipse, FORM, LOGISTIC};
-use super::lanes::{Lanes, MACHINE, logistic_fall, sum};
+use super::lanes::{Lanes, logistic_fall, sum};
 use super::mixture::Mixtures;
 use super::patch::{Channel, Patch};
 use super::rim::{GROUPS, Rim, Trust, sectors};
-use crate::detect::single;
+use crate::detect::{MACHINE, single};
 
 /// How an ellipse is lit: what the pixels' light is within it and around it.
 #[derive(Clone, Copy, Debug)]

@@ -4,12 +4,12 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x8};
 use nalgebra::{Matrix2, Vector2};
 
-use super::lanes::{LANES, Lanes, MACHINE};
+use super::lanes::{LANES, Lanes};
 use super::pass::{Light, Model};
 use super::rim::{GROUPS, SECTORS, seat};
 use super::{Likeness, MAX_REACH_PX, Seed};
-use crate::detect::ground::{Sample, median, middle, shortest_half, slope_in};
-use crate::detect::single;
+use crate::detect::ground::{Sample, median, middle, shortest_half, slope};
+use crate::detect::{MACHINE, single};
 use crate::frame::{ChromaSampling, Frame, Pixels};
 
 /// A sample of one channel in each of eight sectors.
@@ -149,7 +149,7 @@ impl Gathered {
     /// Levels the ground: a sky's hue changes with height and at clouds, and would pull the rim to where it is more like the
     /// marker's. Waves that coding has left of the marker itself would look like slopes.
     fn level(&mut self) {
-        let Some(slope) = slope_in(&self.outside, &mut self.values) else { return };
+        let Some(slope) = slope(&self.outside, &mut self.values) else { return };
         let (right, down) = (single(slope.x), single(slope.y));
         for sample in &mut self.outside {
             sample.value -= right * sample.x + down * sample.y;

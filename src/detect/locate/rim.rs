@@ -8,8 +8,8 @@ use fearless_simd::{dispatch, f32x8};
 use nalgebra::{SMatrix, SVector};
 
 use super::ellipse::FORM;
-use super::lanes::{LANES, MACHINE};
-use crate::detect::single;
+use super::lanes::LANES;
+use crate::detect::{MACHINE, single};
 
 /// Sectors of the rim.
 pub(super) const SECTORS: usize = 24;

@@ -5,7 +5,7 @@
 
 use super::candidate::Candidate;
 use super::level::{Level, STEPS};
-use crate::detect::components::{Components, Connectivity, Run, area, bounds};
+use crate::detect::components::{Connectivity, Labeling, Run, area, bounds};
 use crate::detect::ground::{Sample, shortest_half, slope};
 use crate::detect::single;
 use crate::frame::Region;
@@ -51,29 +51,40 @@ const FLOOR: f64 = 0.05;
 const SHADE: f64 = 0.5;
 const MORE_THAN_SEEN: f64 = 1.5;
 
-/// `None` where it is not alone: its surroundings are no sky, or it goes on beyond them.
-pub(super) fn measure(levels: &[Level], candidate: &Candidate) -> Option<Measured> {
-    let [left, top, right, bottom] = candidate.bounds;
-    let length = (right - left).max(bottom - top);
-    let index = (0..levels.len()).find(|index| length * (1.0 + 2.0 * MARGIN) / scale(*index) <= LONGEST)?;
-    let level = &levels[index];
-    let patch = Patch::around(level, candidate.bounds.map(|along| along / scale(index)))?;
-    let silhouette = patch.silhouette()?;
-    let in_frame = |along: f64| (along + 0.5) * scale(index) - 0.5;
-    let [x, y, width, height] = silhouette.bounds.map(|along| f64::from(along) * scale(index));
-    Some(Measured {
-        place: silhouette.place.map(in_frame),
-        sigma_px: silhouette.sigma_px * scale(index),
-        area_px: silhouette.area_px * scale(index).powi(2),
-        bounds: [x, y, x + width, y + height],
-    })
+/// Measures thing after thing in the same memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Measurer {
+    sky: Vec<Sample>,
+    values: Vec<f32>,
+    /// Deviations from the sky, gray levels.
+    deviations: Vec<f32>,
+    tracer: Tracer,
+}
+
+impl Measurer {
+    /// `None` where it is not alone: its surroundings are no sky, or it goes on beyond them.
+    pub(super) fn measure(&mut self, levels: &[Level], candidate: &Candidate) -> Option<Measured> {
+        let [left, top, right, bottom] = candidate.bounds;
+        let length = (right - left).max(bottom - top);
+        let index = (0..levels.len()).find(|index| length * (1.0 + 2.0 * MARGIN) / scale(*index) <= LONGEST)?;
+        let patch = self.patch(&levels[index], candidate.bounds.map(|along| along / scale(index)))?;
+        let silhouette = self.tracer.trace(&patch, &self.deviations)?;
+        let in_frame = |along: f64| (along + 0.5) * scale(index) - 0.5;
+        let [x, y, width, height] = silhouette.bounds.map(|along| f64::from(along) * scale(index));
+        Some(Measured {
+            place: silhouette.place.map(in_frame),
+            sigma_px: silhouette.sigma_px * scale(index),
+            area_px: silhouette.area_px * scale(index).powi(2),
+            bounds: [x, y, x + width, y + height],
+        })
+    }
 }
 
 fn scale(index: usize) -> f64 {
     (0..index).fold(1.0, |scale, _| 2.0 * scale)
 }
 
-/// A part of a level, as it deviates from the sky around the thing in it.
+/// A part of a level with a thing in it, and sky around that.
 struct Patch {
     /// Its place in the level.
     window: Region,
@@ -81,9 +92,7 @@ struct Patch {
     goes_on: [bool; 4],
     /// The thing's bounds in it.
     bounds: Region,
-    /// Deviations from the sky, gray levels.
-    deviation: Vec<f32>,
-    /// That of noise.
+    /// The deviation of its noise, gray levels.
     noise: f32,
 }
 
@@ -96,9 +105,9 @@ struct Silhouette {
     bounds: [u32; 4],
 }
 
-impl Patch {
-    /// `None` where there is no sky around it.
-    fn around(level: &Level, [left, top, right, bottom]: [f64; 4]) -> Option<Self> {
+impl Measurer {
+    /// Takes what the surroundings of bounds deviate from the sky in them. `None` where there is none.
+    fn patch(&mut self, level: &Level, [left, top, right, bottom]: [f64; 4]) -> Option<Patch> {
         let margin = MARGIN * (right - left).max(bottom - top) + MORE;
         let region = |grown: f64| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the level")]
@@ -120,14 +129,19 @@ impl Patch {
         let is_sky = |[x, y]: [u32; 2]| x < inner.x || y < inner.y || x >= end(&inner)[0] || y >= end(&inner)[1];
         let count = (window.area() - inner.area()).max(1);
         let sky = samples.clone().filter(|(at, _)| is_sky(*at)).step_by(count.div_ceil(ENOUGH_SKY));
-        let sky: Vec<Sample> = sky.map(|(_, sample)| sample).collect();
-        if sky.len() < LEAST_SKY {
+        self.sky.clear();
+        self.sky.extend(sky.map(|(_, sample)| sample));
+        if self.sky.len() < LEAST_SKY {
             return None;
         }
-        let slope = slope(&sky)?.map(single);
+        let slope = slope(&self.sky, &mut self.values)?.map(single);
         let over = |sample: &Sample| sample.value - slope.x * sample.x - slope.y * sample.y;
-        let (ground, noise) = shortest_half(&mut sky.iter().map(over).collect::<Vec<_>>())?;
-        Some(Self {
+        self.values.clear();
+        self.values.extend(self.sky.iter().map(over));
+        let (ground, noise) = shortest_half(&mut self.values)?;
+        self.deviations.clear();
+        self.deviations.extend(samples.map(|(_, sample)| over(&sample) - ground));
+        Some(Patch {
             window,
             goes_on: [
                 window.x > 0,
@@ -136,43 +150,52 @@ impl Patch {
                 (end(&window)[1] as usize) < level.height,
             ],
             bounds: Region { x: own.x - window.x, y: own.y - window.y, ..own },
-            deviation: samples.map(|(_, sample)| over(&sample) - ground).collect(),
             noise: noise.max(LEAST_NOISE),
         })
     }
+}
 
-    fn size(&self, x: u32, y: u32) -> f32 {
-        self.deviation[(y * self.window.width + x) as usize].abs()
-    }
+/// Traces silhouette after silhouette in the same memory.
+#[derive(Clone, Debug, Default)]
+struct Tracer {
+    mask: Vec<u8>,
+    labeling: Labeling,
+    sizes: Vec<f32>,
+    covered: Vec<bool>,
+}
 
+impl Tracer {
     /// `None` for what is no more than noise, or goes on beyond the patch.
-    fn silhouette(&self) -> Option<Silhouette> {
-        let own = self.bounds;
+    fn trace(&mut self, patch: &Patch, deviations: &[f32]) -> Option<Silhouette> {
+        let own = patch.bounds;
+        let whole = Region { x: 0, y: 0, ..patch.window };
+        let size = |x: u32, y: u32| deviations[(y * whole.width + x) as usize].abs();
         let inside = || (own.y..own.y + own.height).flat_map(|y| (own.x..own.x + own.width).map(move |x| (x, y)));
-        let most = inside().map(|(x, y)| self.size(x, y)).fold(0.0, f32::max);
-        let limit = (LEAST_SHARE * most).max(LEAST_DEVIATIONS * self.noise);
-        let mask: Vec<u8> = self.deviation.iter().map(|deviation| u8::from(deviation.abs() > limit)).collect();
-        let whole = Region { x: 0, y: 0, ..self.window };
-        let components = Components::of(&mask, whole.width as usize, whole, 1, Connectivity::Eight);
+        let most = inside().map(|(x, y)| size(x, y)).fold(0.0, f32::max);
+        let limit = (LEAST_SHARE * most).max(LEAST_DEVIATIONS * patch.noise);
+        self.mask.clear();
+        self.mask.extend(deviations.iter().map(|deviation| u8::from(deviation.abs() > limit)));
+        let components = self.labeling.of(&self.mask, whole.width as usize, whole, 1, Connectivity::Eight);
         // What else is in the patch lies beside its bounds.
-        let its: Vec<&[Run]> = components.iter().filter(|part| overlap(bounds(part), own)).collect();
-        let largest = its.iter().map(|part| area(part)).max()? as f64;
-        let parts = || its.iter().filter(|part| area(part) as f64 >= LEAST_PART * largest);
-        let ends = parts().map(|part| bounds(part)).reduce(joined)?;
+        let its = || components.iter().filter(|part| overlap(bounds(part), own));
+        let largest = its().map(area).max()? as f64;
+        let parts = || its().filter(|part| area(part) as f64 >= LEAST_PART * largest);
+        let ends = parts().map(bounds).reduce(joined)?;
         let reaches =
             [ends.x == 0, ends.y == 0, ends.x + ends.width == whole.width, ends.y + ends.height == whole.height];
-        if reaches.iter().zip(self.goes_on).any(|(reaches, goes_on)| *reaches && goes_on) {
+        if reaches.iter().zip(patch.goes_on).any(|(reaches, goes_on)| *reaches && goes_on) {
             return None;
         }
         // A quarter of its pixels deviate by more; the others are rim, each counting by its part of that, or in the shade.
-        let runs = || parts().flat_map(|part| part.iter());
-        let mut sizes: Vec<f32> = runs().flat_map(|run| (run.start..run.end).map(|x| self.size(x, run.y))).collect();
-        let rank = if sizes.len() < ALL_RIM { sizes.len() - 1 } else { sizes.len() / 4 * 3 };
-        let height = *sizes.select_nth_unstable_by(rank, f32::total_cmp).1;
+        let runs = || parts().flatten();
+        self.sizes.clear();
+        self.sizes.extend(runs().flat_map(|run| (run.start..run.end).map(|x| size(x, run.y))));
+        let rank = if self.sizes.len() < ALL_RIM { self.sizes.len() - 1 } else { self.sizes.len() / 4 * 3 };
+        let height = *self.sizes.select_nth_unstable_by(rank, f32::total_cmp).1;
         let [mut middle, mut of_light, mut of_mask] = [Middle::default(); 3];
         let (mut squares, mut pixels) = (0.0, 0.0);
-        for (x, y) in self.rim_and_all(runs()) {
-            let size = self.size(x, y);
+        for (x, y) in rim_and_all(runs(), whole, &mut self.covered) {
+            let size = size(x, y);
             let share = f64::from((size / height).min(1.0));
             middle.add(share, x, y);
             of_light.add(f64::from(size), x, y);
@@ -183,32 +206,37 @@ impl Patch {
         let area_px = middle.weight;
         let [u, v] = middle.place();
         let spread = 0.5 * (squares / area_px - u * u - v * v).max(1.0 / 12.0);
-        let noise = f64::from(self.noise / height) / SMOOTH_NOISE * f64::sqrt(pixels * spread) / area_px;
+        let noise = f64::from(patch.noise / height) / SMOOTH_NOISE * f64::sqrt(pixels * spread) / area_px;
         let seen = [of_light, of_mask].map(|other| MORE_THAN_SEEN * (other.place()[0] - u).hypot(other.place()[1] - v));
         let unseen = f64::from((limit / height).min(1.0));
+        let window = patch.window;
         Some(Silhouette {
-            place: [u + f64::from(self.window.x), v + f64::from(self.window.y)],
+            place: [u + f64::from(window.x), v + f64::from(window.y)],
             sigma_px: [noise, seen[0], seen[1], SHADE * unseen.powf(1.5) * area_px.sqrt()]
                 .into_iter()
                 .fold(FLOOR, f64::hypot),
             area_px,
-            bounds: [ends.x + self.window.x, ends.y + self.window.y, ends.width, ends.height],
+            bounds: [ends.x + window.x, ends.y + window.y, ends.width, ends.height],
         })
     }
+}
 
-    /// The pixels of some runs and those next to them, row by row: rims reach further than what deviates much.
-    fn rim_and_all<'a>(&self, runs: impl Iterator<Item = &'a Run>) -> Vec<(u32, u32)> {
-        let Region { width, height, .. } = self.window;
-        let mut covered = vec![false; self.deviation.len()];
-        for run in runs {
-            for y in run.y.saturating_sub(1)..(run.y + 2).min(height) {
-                let [first, end] = [run.start.saturating_sub(1), (run.end + 1).min(width)];
-                covered[(y * width + first) as usize..(y * width + end) as usize].fill(true);
-            }
+/// The pixels of some runs and those next to them, row by row: rims reach further than what deviates much.
+fn rim_and_all<'a>(
+    runs: impl Iterator<Item = &'a Run>,
+    Region { width, height, .. }: Region,
+    covered: &'a mut Vec<bool>,
+) -> impl Iterator<Item = (u32, u32)> + 'a {
+    covered.clear();
+    covered.resize(width as usize * height as usize, false);
+    for run in runs {
+        for y in run.y.saturating_sub(1)..(run.y + 2).min(height) {
+            let [first, end] = [run.start.saturating_sub(1), (run.end + 1).min(width)];
+            covered[(y * width + first) as usize..(y * width + end) as usize].fill(true);
         }
-        let all = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
-        all.zip(covered).filter(|(_, covered)| *covered).map(|(at, _)| at).collect()
     }
+    let all = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+    all.zip(&*covered).filter(|(_, covered)| **covered).map(|(at, _)| at)
 }
 
 /// A weighted mean of places.
@@ -271,6 +299,10 @@ mod tests {
             above[0].take_half(&below[index - 1]);
         }
         levels
+    }
+
+    fn measure(levels: &[Level], candidate: &Candidate) -> Option<Measured> {
+        Measurer::default().measure(levels, candidate)
     }
 
     fn seen(bounds: [f64; 4]) -> Candidate {

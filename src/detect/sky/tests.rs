@@ -181,7 +181,12 @@ fn a_cut_a_gap_and_another_size_begin_anew_and_a_lost_frame_does_not() {
 
 #[test]
 fn a_single_frame_scores_less_than_a_sequence() {
-    let single = detect(&dot_frame(30), dot_frame(30).full(), &SkyOptions { min_score: 0.0, ..SkyOptions::default() });
+    let single = detect(
+        &mut Watch::new(),
+        &dot_frame(30),
+        dot_frame(30).full(),
+        &SkyOptions { min_score: 0.0, ..SkyOptions::default() },
+    );
     let single = nearest(&single, dot_at(30.0)).expect("seen");
     assert_eq!(single.track_id, None);
     let mut watch = Watch::new();
@@ -195,7 +200,7 @@ fn a_region_moves_nothing() {
     let frame = dot_frame(3);
     let region = Region { x: 21, y: 33, width: 160, height: 128 };
     let options = SkyOptions { min_score: 0.0, ..SkyOptions::default() };
-    let found = detect(&frame, region, &options);
+    let found = detect(&mut Watch::new(), &frame, region, &options);
     let dot = nearest(&found, dot_at(3.0)).expect("seen");
     assert!((dot.pixel.x - dot_at(3.0)[0]).abs() < 1.0 && (dot.pixel.y - dot_at(3.0)[1]).abs() < 1.0, "{dot:?}");
     for c in &found.centroids {
@@ -254,7 +259,7 @@ fn what_rather_does_not_fly_has_no_class() {
         let mut track = Track::start(1, Candidate { cues, area_px: 200.0, ..Candidate::default() });
         (track.hits, track.flicker) = (100, 4.0);
         let score = score::probability(&track);
-        let seen = centroid(&track, score, &[], Region { x: 0, y: 0, width: 160, height: 128 });
+        let seen = centroid(&track, score, None, Region { x: 0, y: 0, width: 160, height: 128 });
         (seen.score > 0.5, seen.class)
     };
     assert_eq!(class(0.0), (true, Some(crate::detect::Class::Bird)));

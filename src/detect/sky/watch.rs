@@ -6,8 +6,10 @@ use super::candidate::Candidate;
 use super::change::Change;
 use super::finder::{Finder, Shown};
 use super::level::Level;
+use super::measure::Measurer;
 use super::scene_change::scene_change;
 use super::track::Track;
+use crate::detect::Centroid;
 use crate::frame::Region;
 
 /// Most levels: the coarsest has 1/16 of the frame's width, where a thing of 200 px is 12.
@@ -75,6 +77,9 @@ pub struct Watch {
     part: Option<Region>,
     /// Luma of a frame that is stored otherwise.
     pub(super) samples: Vec<u8>,
+    /// What measures the things that are reported, and what is reported of a frame.
+    pub(super) measurer: Measurer,
+    pub(super) reported: Vec<Centroid>,
 }
 
 impl Watch {
@@ -82,6 +87,12 @@ impl Watch {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Before the first frame again. Its memory stays.
+    pub fn forget(&mut self) {
+        self.last = None;
+        self.part = None;
     }
 
     /// The next frame's luma, rows without padding. Fewer samples than the size asks for are no frame, and change nothing.
