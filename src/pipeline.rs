@@ -39,8 +39,8 @@ pub struct Options {
     pub max_instances: usize,
     /// Pose.
     pub pose: PoseOptions,
-    /// Error of camera and target model, px, added to each centroid's own for the pose. The default is that of a careful
-    /// calibration; where residuals show more, the covariance grows with them.
+    /// Error of camera and target model, px, added to each centroid's own for the pose. The default is that of a model that is as good as what
+    /// is stated of it: a camera's own covariance comes on top of it, and where residuals show more, the covariance grows with them.
     pub model_sigma_px: f64,
 }
 
@@ -52,7 +52,7 @@ impl Default for Options {
             identify: IdentifyOptions::default(),
             max_instances: 1,
             pose: PoseOptions::default(),
-            model_sigma_px: 0.02,
+            model_sigma_px: 0.01,
         }
     }
 }

@@ -158,6 +158,9 @@ fn every_frame_gives_the_right_pose_or_names_it_and_centroids_hold_their_deviati
             let estimate = look(&shot.frame, &camera, &model.target);
             let found = &estimate.targets[0];
             tally.add(outcome(found, &shot.pose));
+            if let Ok(answer) = &found.answer {
+                tally.add_pose(answer, &shot.pose);
+            }
             for (marker, seen) in truth(&camera, &shot.pose, &model).iter().enumerate() {
                 let Some(centroid) = found.centroid_of_marker[marker] else { continue };
                 assert!(shot.present[marker], "{} {index}: marker {marker} is not in the frame", suite.name);
@@ -180,6 +183,9 @@ fn every_frame_gives_the_right_pose_or_names_it_and_centroids_hold_their_deviati
         (0.75_f64.powi(2)..1.25_f64.powi(2)).contains(&mean_square),
         "mean square error {mean_square:.2} of sigma^2"
     );
+    // So may those of the poses.
+    let of_poses = all.pose_mean_square();
+    assert!((0.75_f64.powi(2)..1.25_f64.powi(2)).contains(&of_poses), "mean square error of poses {of_poses:.2}");
     // Two normal variables exceed 4 sigma together once in 3000; one in 200 leaves room for the same.
     assert!(all.beyond_four * 200 <= all.markers, "{} of {} beyond 4 sigma", all.beyond_four, all.markers);
 }
@@ -464,6 +470,9 @@ fn frames_of_another_renderer_give_their_poses_too() {
         };
         let outcome = outcome(found, &pose);
         tally.add(outcome);
+        if let Ok(answer) = &found.answer {
+            tally.add_pose(answer, &pose);
+        }
         if let (Outcome::Wrong, Ok(answer)) = (outcome, &found.answer) {
             let probability = answer.best.probability;
             println!("{}: wrong, said to be right with {probability:.2}", known.name);
@@ -480,6 +489,13 @@ fn frames_of_another_renderer_give_their_poses_too() {
     for (suite, tally) in &suites {
         tally.print(suite);
     }
+    let poses = suites.values().fold(Tally::default(), |mut all, tally| {
+        all.merge(tally);
+        all
+    });
+    poses.print("all");
+    let of_poses = poses.pose_mean_square();
+    assert!((0.5..1.3).contains(&of_poses), "mean square error of poses {of_poses:.2}");
     // The others hold frames beyond what is promised: far, at night, or with hardly anything to see.
     for suite in ["lab40", "easy", "light", "clutter", "occlusion"] {
         let tally = &suites[suite];

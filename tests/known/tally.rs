@@ -3,7 +3,7 @@
 use skypose::camera::Pixel;
 use skypose::geometry::{CameraFromTarget, rotation};
 use skypose::pipeline::TargetEstimate;
-use skypose::pose::PoseEstimate;
+use skypose::pose::{PoseAnswer, PoseEstimate};
 
 /// What the project promises of a frame in which six markers are seen: attitude within this, rad,
 const RIGHT_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
@@ -16,6 +16,10 @@ pub const CONFIDENT: f64 = 0.95;
 fn is_right(found: &CameraFromTarget, truth: &CameraFromTarget) -> bool {
     rotation::angle_between_rad(&found.rotation, &truth.rotation) < RIGHT_RAD
         && (found.translation - truth.translation).norm() < RIGHT_RANGE_RATIO * truth.translation.norm()
+}
+
+fn right(estimate: &PoseEstimate, truth: &CameraFromTarget) -> bool {
+    is_right(&estimate.camera_from_target, truth)
 }
 
 /// What became of a frame with a target in it.
@@ -33,7 +37,7 @@ pub enum Outcome {
 
 /// How the answer stands to the truth.
 pub fn outcome(found: &TargetEstimate, truth: &CameraFromTarget) -> Outcome {
-    let right = |estimate: &PoseEstimate| is_right(&estimate.camera_from_target, truth);
+    let right = |estimate: &PoseEstimate| right(estimate, truth);
     match &found.answer {
         Err(_) => Outcome::Missed,
         Ok(answer) if right(&answer.best) => Outcome::Right,
@@ -54,6 +58,9 @@ pub struct Tally {
     pub normalized_squared: f64,
     pub beyond_four: u32,
     pub squared_px: f64,
+    /// Right poses, and their squared errors in units of their covariance.
+    pub poses: u32,
+    pub pose_squared: f64,
 }
 
 impl Tally {
@@ -75,7 +82,26 @@ impl Tally {
         self.beyond_four += u32::from(squared > (4.0 * sigma_px).powi(2));
     }
 
+    /// How far the pose nearest to the truth is off, in units of what it says: the alternatives say which it is.
+    pub fn add_pose(&mut self, answer: &PoseAnswer, truth: &CameraFromTarget) {
+        let Some(right) = std::iter::once(&answer.best).chain(&answer.alternatives).find(|pose| right(pose, truth))
+        else {
+            return;
+        };
+        let error = right.camera_from_target.difference_to(truth);
+        let solved = right.covariance.matrix().cholesky().expect("a covariance").solve(&error);
+        self.poses += 1;
+        self.pose_squared += error.dot(&solved);
+    }
+
+    /// Mean squared normalised error of the poses by its six coordinates: 1 where covariances hold.
+    pub fn pose_mean_square(&self) -> f64 {
+        self.pose_squared / f64::from(6 * self.poses)
+    }
+
     pub fn merge(&mut self, other: &Self) {
+        self.poses += other.poses;
+        self.pose_squared += other.pose_squared;
         self.markers += other.markers;
         self.normalized_squared += other.normalized_squared;
         self.squared_px += other.squared_px;
@@ -94,22 +120,23 @@ impl Tally {
 
     pub fn head() {
         println!(
-            "{:<12}{:>8}{:>8}{:>10}{:>8}{:>8}{:>10}{:>12}{:>14}",
-            "suite", "frames", "right", "flagged", "missed", "wrong", "markers", "rms px", "(err/sigma)^2"
+            "{:<12}{:>8}{:>8}{:>10}{:>8}{:>8}{:>10}{:>12}{:>14}{:>10}",
+            "suite", "frames", "right", "flagged", "missed", "wrong", "markers", "rms px", "(err/sigma)^2", "of poses"
         );
     }
 
     pub fn print(&self, suite: &str) {
         let rms_px = self.rms_px();
         println!(
-            "{suite:<12}{:>8}{:>8}{:>10}{:>8}{:>8}{:>10}{rms_px:>12.3}{:>14.2}",
+            "{suite:<12}{:>8}{:>8}{:>10}{:>8}{:>8}{:>10}{rms_px:>12.3}{:>14.2}{:>10.2}",
             self.frames,
             self.right,
             self.flagged,
             self.missed,
             self.wrong,
             self.markers,
-            self.mean_square()
+            self.mean_square(),
+            self.pose_mean_square()
         );
     }
 }
