@@ -82,7 +82,8 @@ impl Tally {
         self.beyond_four += u32::from(squared > (4.0 * sigma_px).powi(2));
     }
 
-    /// How far the pose nearest to the truth is off, in units of what it says: the alternatives say which it is.
+    /// How far the right one of the poses is off, in units of what it says.
+    #[allow(dead_code, reason = "not every test asks")]
     pub fn add_pose(&mut self, answer: &PoseAnswer, truth: &CameraFromTarget) {
         let Some(right) = std::iter::once(&answer.best).chain(&answer.alternatives).find(|pose| right(pose, truth))
         else {
