@@ -117,6 +117,7 @@ fn a_sequence_of_the_sky_takes_memory_for_what_it_reports_alone() {
         let is_first = watch.beginning().is_some();
         if std::ptr::eq(frame, &raw const frames[9]) {
             watch.forget();
+            assert!(watch.tracks().is_empty() && watch.beginning().is_none(), "nothing is left");
         }
         (taken.count_total, is_first, detection)
     };

@@ -13,13 +13,10 @@ const RIGHT_RANGE_RATIO: f64 = 0.05;
 /// An answer this probable is one to act on.
 pub const CONFIDENT: f64 = 0.95;
 
-fn is_right(found: &CameraFromTarget, truth: &CameraFromTarget) -> bool {
+fn is_right(estimate: &PoseEstimate, truth: &CameraFromTarget) -> bool {
+    let found = &estimate.camera_from_target;
     rotation::angle_between_rad(&found.rotation, &truth.rotation) < RIGHT_RAD
         && (found.translation - truth.translation).norm() < RIGHT_RANGE_RATIO * truth.translation.norm()
-}
-
-fn right(estimate: &PoseEstimate, truth: &CameraFromTarget) -> bool {
-    is_right(&estimate.camera_from_target, truth)
 }
 
 /// What became of a frame with a target in it.
@@ -37,7 +34,7 @@ pub enum Outcome {
 
 /// How the answer stands to the truth.
 pub fn outcome(found: &TargetEstimate, truth: &CameraFromTarget) -> Outcome {
-    let right = |estimate: &PoseEstimate| right(estimate, truth);
+    let right = |estimate: &PoseEstimate| is_right(estimate, truth);
     match &found.answer {
         Err(_) => Outcome::Missed,
         Ok(answer) if right(&answer.best) => Outcome::Right,
@@ -85,7 +82,7 @@ impl Tally {
     /// How far the right one of the poses is off, in units of what it says.
     #[allow(dead_code, reason = "not every test asks")]
     pub fn add_pose(&mut self, answer: &PoseAnswer, truth: &CameraFromTarget) {
-        let Some(right) = std::iter::once(&answer.best).chain(&answer.alternatives).find(|pose| right(pose, truth))
+        let Some(right) = std::iter::once(&answer.best).chain(&answer.alternatives).find(|pose| is_right(pose, truth))
         else {
             return;
         };
@@ -101,6 +98,11 @@ impl Tally {
     }
 
     pub fn merge(&mut self, other: &Self) {
+        self.frames += other.frames;
+        self.right += other.right;
+        self.flagged += other.flagged;
+        self.missed += other.missed;
+        self.wrong += other.wrong;
         self.poses += other.poses;
         self.pose_squared += other.pose_squared;
         self.markers += other.markers;

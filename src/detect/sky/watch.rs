@@ -89,10 +89,12 @@ impl Watch {
         Self::default()
     }
 
-    /// Before the first frame again. Its memory stays.
+    /// Before the first frame again, with nothing of what was seen but its memory.
     pub fn forget(&mut self) {
-        self.last = None;
-        self.part = None;
+        (self.last, self.part, self.beginning) = (None, None, None);
+        self.motion = CameraMotion::default();
+        self.candidates.clear();
+        self.bank.clear();
     }
 
     /// The next frame's luma, rows without padding. Fewer samples than the size asks for are no frame, and change nothing.
