@@ -23,10 +23,22 @@ const STEP_NOISE: f64 = 0.3;
 /// what is seen beyond the rim is none.
 pub(super) fn shortest_half(values: &mut [f32]) -> Option<(f32, f32)> {
     values.sort_unstable_by(f32::total_cmp);
-    let half = values.len() / 2;
-    let stretch = |start: usize| values[start + half] - values[start];
-    let start = (0..values.len() - half).min_by(|a, b| stretch(*a).total_cmp(&stretch(*b)))?;
-    Some((values[start] + 0.5 * stretch(start), 0.7413 * stretch(start)))
+    let (middle, length) = shortest(values, values.len() / 2)?;
+    Some((middle, 0.7413 * length))
+}
+
+/// The same of a third, which of two grounds is the one of which there is more.
+pub(super) fn shortest_third(values: &mut [f32]) -> Option<(f32, f32)> {
+    values.sort_unstable_by(f32::total_cmp);
+    let (middle, length) = shortest(values, values.len() / 3)?;
+    Some((middle, 1.161 * length))
+}
+
+/// Middle and length of the shortest stretch that has so many steps of values in order.
+fn shortest(values: &[f32], steps: usize) -> Option<(f32, f32)> {
+    let stretch = |start: usize| values[start + steps] - values[start];
+    let start = (0..values.len() - steps).min_by(|a, b| stretch(*a).total_cmp(&stretch(*b)))?;
+    Some((values[start] + 0.5 * stretch(start), stretch(start)))
 }
 
 /// The slope of most of the samples, in values a pixel, as far as it is more than chance; `offs` are what it works with. `None` for too few of

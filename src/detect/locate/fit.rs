@@ -1,11 +1,11 @@
 //! The fit: passes over the pixels, each of which moves ellipse and light to where the last one's sums point.
 
-use nalgebra::{Matrix2, Vector2, Vector4};
+use nalgebra::{Matrix2, Matrix3, Vector2};
 
 use super::ellipse::Ellipse;
 use super::foreign;
 use super::mixture::{Colour, LUMA, Mixture, Mixtures, chroma_weights};
-use super::pass::{ChromaSums, Light, Looked, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
+use super::pass::{ChromaSums, LIGHTS, Light, Lit, Looked, Model, Noise, SHARP_BLUR, Sums, gather, gather_chroma};
 use super::patch::{Gatherer, Patch};
 use super::rim::{CHROMA_FLOOR_PX, Form, FormMatrix, Trust, solved, unevenness};
 use super::shape::Pull;
@@ -22,7 +22,7 @@ const CHROMA_PASSES: usize = 2;
 const MIN_LUMA_PASSES: usize = 2;
 
 /// Eight bits have steps; noise below this is not believed.
-const MIN_NOISE: f64 = 0.5;
+pub(super) const MIN_NOISE: f64 = 0.5;
 
 /// What a lens too sharp for its pixels hides of a small disc between them: px times the disc's area.
 const ALIASING_PX3: f64 = 2.0;
@@ -104,7 +104,10 @@ impl Fitter {
             let moved = (next.centre - model.ellipse.centre).norm();
             model.ellipse = next;
             relit(&mut model, &patch, sums.as_ref(), chroma.as_ref());
-            model.mixture = mixture(&model.light, hue);
+            model.mixture = mixtures(&model.light, model.light.luma[1], hue);
+            if let Some((_, mixture)) = &mut model.border {
+                *mixture = beyond(&model.light, hue);
+            }
             if let (Some(sums), true) = (&sums, amid_others) {
                 foreign.take_out(&mut patch, looked, sums.farthest, model.noise.luma);
             }
@@ -134,28 +137,39 @@ impl Fitter {
     }
 }
 
-/// Leaves out of the form's equations what the slopes of the ground explain as well.
+/// Leaves out of the form's equations what the slopes of the ground and its border explain as well.
 fn without_slopes(sums: &Sums, normal: &mut FormMatrix, right: &mut Form) {
     let (light, moment) = &sums.light;
-    let slopes: Matrix2<f64> = light.fixed_view::<2, 2>(2, 2).into_owned();
-    let Some(inverse) = slopes.try_inverse() else { return };
+    let mut ground: Matrix3<f64> = light.fixed_view::<3, 3>(2, 2).into_owned();
+    if ground.m33 <= 0.0 {
+        // Without a border nothing is said of it.
+        ground.m33 = 1.0;
+    }
+    let Some(inverse) = ground.try_inverse() else { return };
     let share = sums.cross * inverse;
     let mut corner = normal.fixed_view_mut::<2, 2>(0, 0);
     corner -= share * sums.cross.transpose();
     let mut top = right.fixed_rows_mut::<2>(0);
-    top -= share * moment.fixed_rows::<2>(2);
+    top -= share * moment.fixed_rows::<3>(2);
 }
 
 fn start(patch: &Patch<'_>, seed: &Seed, matrix: Matrix2<f64>, hue: Option<Vector2<f64>>) -> Model {
     let chroma = patch.chroma.as_ref();
     let ground = patch.luma.outside;
     let light = Light {
-        luma: Vector4::new(patch.luma.inside - ground, ground, 0.0, 0.0),
+        luma: Lit::from([
+            patch.luma.inside - ground,
+            ground,
+            0.0,
+            0.0,
+            patch.border.map_or(0.0, |border| border.height),
+        ]),
         chroma: chroma.map_or_else(Vector2::zeros, |c| Vector2::new(c.inside - c.outside, c.outside)),
     };
     Model {
         ellipse: Ellipse { centre: seed.pixel - patch.origin, matrix, ln_blur: LN_BLUR },
-        mixture: mixture(&light, hue),
+        mixture: mixtures(&light, light.luma[1], hue),
+        border: patch.border.map(|border| (border, beyond(&light, hue))),
         light,
         noise: Noise {
             luma: patch.luma.noise.max(MIN_NOISE).hypot(patch.luma_coding_noise),
@@ -164,13 +178,18 @@ fn start(patch: &Patch<'_>, seed: &Seed, matrix: Matrix2<f64>, hue: Option<Vecto
     }
 }
 
-/// How codes go from the ground's to the ellipse's. Without a hue all is gray.
-fn mixture(light: &Light, hue: Option<Vector2<f64>>) -> Mixtures {
+/// How codes go from a ground of this luma to the ellipse's. Without a hue all is gray.
+fn mixtures(light: &Light, ground: f64, hue: Option<Vector2<f64>>) -> Mixtures {
     let hue = hue.unwrap_or_default();
     let colour = |luma: f64, chroma: f64| Colour { luma, chroma: hue * chroma };
-    let (height, ground) = (light.luma.x, light.luma.y);
-    let (from, to) = (colour(ground, light.chroma.y), colour(ground + height, light.chroma.y + light.chroma.x));
+    let (from, to) =
+        (colour(ground, light.chroma.y), colour(light.luma[0] + light.luma[1], light.chroma.y + light.chroma.x));
     Mixtures { luma: Mixture::of(&from, &to, LUMA), chroma: Mixture::of(&from, &to, chroma_weights(&hue)) }
+}
+
+/// The same from the ground beyond a border.
+fn beyond(light: &Light, hue: Option<Vector2<f64>>) -> Mixtures {
+    mixtures(light, light.luma[1] + light.luma[4], hue)
 }
 
 /// Light, blur and noise as the pass has them.
@@ -184,7 +203,7 @@ fn relit(model: &mut Model, patch: &Patch<'_>, sums: Option<&Sums>, chroma: Opti
     }
     let Some(sums) = sums else { return };
     let (mut normal, right) = sums.light;
-    for k in 0..4 {
+    for k in 0..LIGHTS {
         normal[(k, k)] += 1e-6 * normal[(k, k)] + 1e-9;
     }
     if let Some(factors) = normal.cholesky() {

@@ -7,9 +7,10 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x8, u32x8};
-use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use super::Likeness;
+use super::border::Border;
 use super::ellipse::{Ellipse, FORM, LOGISTIC};
 use super::lanes::{Lanes, logistic_fall, sum};
 use super::mixture::Mixtures;
@@ -17,11 +18,17 @@ use super::patch::{Channel, Patch};
 use super::rim::{GROUPS, Rim, Trust, sectors};
 use crate::detect::{MACHINE, single};
 
+/// What is linear in luma, and its normal equations.
+pub(super) const LIGHTS: usize = 5;
+pub(super) type Lit = SVector<f64, LIGHTS>;
+pub(super) type LitMatrix = SMatrix<f64, LIGHTS, LIGHTS>;
+
 /// How an ellipse is lit: what the pixels' light is within it and around it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Light {
-    /// Codes of luma: height of the ellipse over the ground, the ground at the origin, its slopes right and down.
-    pub luma: Vector4<f64>,
+    /// Codes of luma: height of the ellipse over the ground, the ground at the origin, its slopes right and down, and how much higher the
+    /// ground beyond a border is.
+    pub luma: Lit,
     /// Chroma along the marker's hue: height, ground.
     pub chroma: Vector2<f64>,
 }
@@ -40,14 +47,16 @@ pub(super) struct Model {
     pub noise: Noise,
     /// How codes go from ground to ellipse.
     pub mixture: Mixtures,
+    /// Where another ground begins, and how codes go from that.
+    pub border: Option<(Border, Mixtures)>,
 }
 
 /// What luma says: normal equations and what else a pass gathers.
 pub(super) struct Sums {
     pub rim: Rim,
-    pub light: (Matrix4<f64>, Vector4<f64>),
-    /// How the ground's slopes (columns) look like moves (rows).
-    pub cross: Matrix2<f64>,
+    pub light: (LitMatrix, Lit),
+    /// How the ground's slopes and border (columns) look like moves (rows).
+    pub cross: SMatrix<f64, 2, 3>,
     /// Information and pull of the blur's logarithm.
     pub blur: (f64, f64),
     /// Deviation of what no edge explains.
@@ -208,6 +217,36 @@ impl<S: Simd> RimLanes<S> {
     }
 }
 
+/// What a border adds to the normal equations of the light.
+struct BorderLanes<S: Simd> {
+    /// With the share, one, x, y, and itself.
+    normal: [f32x8<S>; LIGHTS],
+    moment: f32x8<S>,
+    cross: [f32x8<S>; 2],
+}
+
+impl<S: Simd> BorderLanes<S> {
+    #[inline(always)]
+    fn none(simd: S) -> Self {
+        let zero = f32x8::splat(simd, 0.0);
+        Self { normal: [zero; LIGHTS], moment: zero, cross: [zero; 2] }
+    }
+
+    /// `seen` is what of a pixel is seen of the other ground; `by` are the weighted share, one, x, y.
+    #[inline(always)]
+    fn add(&mut self, weighted: f32x8<S>, by: &[f32x8<S>; 4], said: &Said<S>, place: &Place<S>, seen: f32x8<S>) {
+        for (sum, by) in self.normal.iter_mut().zip(by) {
+            *sum += *by * seen;
+        }
+        let own = weighted * seen;
+        self.normal[LIGHTS - 1] += own * seen;
+        self.moment += own * said.residual;
+        for (sum, normal) in self.cross.iter_mut().zip(&place.form) {
+            *sum += own * said.by_rim * *normal;
+        }
+    }
+}
+
 /// Looks at every sample of `patch`.
 pub(super) fn gather(
     patch: &Patch<'_>,
@@ -231,17 +270,18 @@ fn gather_by<S: Simd>(
     trust: &Trust,
     looked: &mut Vec<Looked>,
 ) -> Sums {
-    let Model { ellipse, light, noise, mixture } = model;
+    let Model { ellipse, light, noise, mixture, border } = model;
     let noise_squared = single(noise.luma * noise.luma);
     // An edge of what is small is drawn by few pixels.
     let small = (1.0 + likeness.sectored_area_px / ellipse.area_px()).sqrt();
     let bent = bent(likeness.edge_error * small, ellipse.ln_blur, 0.0);
-    let [height, ground, right, down] = light.luma.map(single).into();
+    let [height, ground, right, down, beyond] = light.luma.map(single).into();
     let zero = f32x8::splat(simd, 0.0);
     let mut rim = Rim::default();
     let mut normal = [zero; 10];
     let mut moment = [zero; 4];
     let mut cross = [zero; 4];
+    let mut by_border = BorderLanes::none(simd);
     let (mut blur, mut blur_pull) = (zero, zero);
     let max_deviations = if amid_others { MAX_DEVIATIONS_AMID_OTHERS } else { MAX_DEVIATIONS };
     let (mut flat, mut flat_squares) = (zero, zero);
@@ -254,7 +294,14 @@ fn gather_by<S: Simd>(
             let [x, y, value, free] = [&octet.x, &octet.y, &octet.value, &octet.free].map(|lanes| lanes.load(simd));
             let place = Place::of(x, y, ellipse);
             let cover = place.cover(ellipse, 0.0);
-            let (over_line, slope) = mixture.luma.over_line(cover.share);
+            let (mut over_line, mut slope) = mixture.luma.over_line(cover.share);
+            let mut far = zero;
+            if let Some((border, mixture)) = border {
+                far = border.share(x, y);
+                let (from_there, slope_there) = mixture.luma.over_line(cover.share);
+                over_line += far * (from_there - over_line - cover.share * beyond + beyond);
+                slope += far * (slope_there - slope - beyond);
+            }
             let code = cover.share * height + ground + x * right + y * down + over_line;
             let rise = slope + height;
             let edge = (cover.share - cover.share * cover.share) * 4.0;
@@ -296,6 +343,9 @@ fn gather_by<S: Simd>(
                 cross[2 * row] += by_x * *normal;
                 cross[2 * row + 1] += by_y * *normal;
             }
+            if border.is_some() {
+                by_border.add(weighted, &by, &said, &place, far - far * cover.share);
+            }
             let by_blur = rise * cover.by_blur;
             blur += weighted * by_blur * by_blur;
             blur_pull += pulled * by_blur;
@@ -303,17 +353,21 @@ fn gather_by<S: Simd>(
         here.into(&mut rim, group);
     }
     let n = normal.map(sum);
+    let b = by_border.normal.map(sum);
     #[rustfmt::skip]
-    let normal = Matrix4::new(
-        n[0], n[1], n[2], n[3],
-        n[1], n[4], n[5], n[6],
-        n[2], n[5], n[7], n[8],
-        n[3], n[6], n[8], n[9],
-    );
+    let normal = LitMatrix::from_row_slice(&[
+        n[0], n[1], n[2], n[3], b[0],
+        n[1], n[4], n[5], n[6], b[1],
+        n[2], n[5], n[7], n[8], b[2],
+        n[3], n[6], n[8], n[9], b[3],
+        b[0], b[1], b[2], b[3], b[4],
+    ]);
+    let [first, second, third, fourth] = moment.map(sum);
+    let (slopes, border) = (cross.map(sum), by_border.cross.map(sum));
     Sums {
         rim,
-        light: (normal, Vector4::from(moment.map(sum))),
-        cross: Matrix2::from_row_slice(&cross.map(sum)),
+        light: (normal, Lit::from([first, second, third, fourth, sum(by_border.moment)])),
+        cross: SMatrix::from_row_slice(&[slopes[0], slopes[1], border[0], slopes[2], slopes[3], border[1]]),
         blur: (sum(blur), sum(blur_pull)),
         noise: if amid_others { level_noise(simd, patch, looked, noise.luma) } else { deviation(flat_squares, flat) },
         farthest: f64::from(farthest.reduce_max()),
@@ -367,7 +421,7 @@ pub(super) fn gather_chroma(patch: &Patch<'_>, chroma: &Channel<'_>, model: &Mod
 
 #[inline(always)]
 fn gather_chroma_by<S: Simd>(simd: S, patch: &Patch<'_>, chroma: &Channel<'_>, model: &Model) -> ChromaSums {
-    let Model { ellipse, light, noise, mixture } = model;
+    let Model { ellipse, light, noise, mixture, border } = model;
     // Shares in chroma are blurred further, and what curves them has as much less height as it is wider.
     let sharp = single((ellipse.ln_blur.exp() / (ellipse.ln_blur.exp() + patch.chroma_blur)).sqrt());
     let noise_squared = single(noise.chroma * noise.chroma);
@@ -384,7 +438,13 @@ fn gather_chroma_by<S: Simd>(simd: S, patch: &Patch<'_>, chroma: &Channel<'_>, m
             let [x, y, value, there] = [&octet.x, &octet.y, &octet.value, &octet.there].map(|lanes| lanes.load(simd));
             let place = Place::of(x, y, ellipse);
             let cover = place.cover(ellipse, patch.chroma_blur);
-            let (over_line, slope) = mixture.chroma.over_line(cover.share);
+            let (mut over_line, mut slope) = mixture.chroma.over_line(cover.share);
+            if let Some((border, mixture)) = border {
+                let far = border.share(x, y);
+                let (from_there, slope_there) = mixture.chroma.over_line(cover.share);
+                over_line += far * (from_there - over_line);
+                slope += far * (slope_there - slope);
+            }
             let rise = slope * sharp + height;
             let residual = value - cover.share * height - ground - over_line * sharp;
             let edge = (cover.share - cover.share * cover.share) * 4.0;

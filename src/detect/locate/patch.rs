@@ -4,6 +4,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x8};
 use nalgebra::{Matrix2, Vector2};
 
+use super::border::{Border, Finder};
 use super::lanes::{LANES, Lanes};
 use super::pass::{Light, Model};
 use super::rim::{GROUPS, SECTORS, seat};
@@ -41,6 +42,8 @@ pub(super) struct Patch<'a> {
     /// No sample is farther from it in x or y, px.
     pub reach: usize,
     pub luma: Channel<'a>,
+    /// Where another ground begins.
+    pub border: Option<Border>,
     /// Along the marker's hue; none for a frame without colour, or a marker without a hue.
     pub chroma: Option<Channel<'a>>,
     /// Variance of the blur by which chroma is softer than luma, px^2.
@@ -161,15 +164,15 @@ impl Gathered {
         }
     }
 
-    /// `None` if there is nothing within the rim or beyond it.
-    fn channel(&mut self, amid_others: bool) -> Option<Channel<'_>> {
+    /// The channel, and what of it is beyond the rim. `None` if there is nothing within the rim or beyond it.
+    fn channel(&mut self, amid_others: bool) -> Option<(Channel<'_>, &[Sample])> {
         let inside = median(&mut self.inside).or_else(|| median(&mut self.deep))?;
         let ground = if amid_others { shortest_half } else { middle };
         self.values.clear();
         self.values.extend(self.outside.iter().map(|sample| sample.value));
         let (outside, noise) = ground(&mut self.values)?;
         let [inside, outside, noise] = [inside, outside, noise].map(f64::from);
-        Some(Channel { groups: &mut self.groups, inside, outside, noise })
+        Some((Channel { groups: &mut self.groups, inside, outside, noise }, &self.outside))
     }
 }
 
@@ -194,6 +197,7 @@ impl Channel<'_> {
 pub(super) struct Gatherer {
     luma: Gathered,
     colour: Gathered,
+    borders: Finder,
     row: Vec<Spots>,
     /// Middles of others, from the patch's origin, px, and the matrices of their ellipses.
     others: Vec<(Vector2<f64>, Matrix2<f64>)>,
@@ -218,7 +222,7 @@ impl Gatherer {
         if !(near.min() >= 0.0 && origin.x < far.x && origin.y < far.y && reach.max() < f64::from(MAX_REACH_PX)) {
             return None;
         }
-        let Self { luma, colour, row, others: around } = self;
+        let Self { luma, colour, borders, row, others: around } = self;
         around.clear();
         around.extend(others.iter().filter_map(|other| Some((other.pixel - origin, other.form()?))));
         let reader = Reader { frame, direction: chroma.filter(|_| !matches!(frame.pixels(), Pixels::Luma(_))) };
@@ -271,18 +275,25 @@ impl Gatherer {
         if let (Some(colour), false) = (&mut colour, coded) {
             colour.level();
         }
+        let (mut luma, beyond) = luma.channel(likeness.amid_others)?;
+        let luma_coding_noise = CODING_NOISE * frame.coding().luma_step;
+        let border = likeness.amid_others.then(|| borders.find(beyond, luma_coding_noise)).flatten();
+        if let Some((_, ground)) = border {
+            luma.outside = ground;
+        }
         Some(Patch {
             origin,
             reach: whole_reach,
-            luma: luma.channel(likeness.amid_others)?,
-            chroma: colour.and_then(|colour| colour.channel(likeness.amid_others)),
+            luma,
+            border: border.map(|(border, _)| border),
+            chroma: colour.and_then(|colour| colour.channel(likeness.amid_others)).map(|(channel, _)| channel),
             chroma_blur: if shared { SHARED_BLUR } else { 0.0 },
             chroma_weight: if shared { SHARED_WEIGHT } else { 1.0 },
             mosaic_px3: if shared && reader.direction.is_some() { MOSAIC_PX3 } else { 0.0 },
             floor_px: if shared && reader.direction.is_none() { MOSAIC_SIGMA_PX } else { 0.0 },
             steps: [frame.coding().luma_step, frame.coding().chroma_step]
                 .map(|step| if step > 1.0 { step } else { 0.0 }),
-            luma_coding_noise: CODING_NOISE * frame.coding().luma_step,
+            luma_coding_noise,
             chroma_coding_noise: CODING_NOISE * frame.coding().chroma_step,
         })
     }
