@@ -39,7 +39,39 @@ pub enum ChromaSampling {
     /// Every pixel has its own colour (or there is no colour at all).
     Full,
     /// One colour sample for several pixels: 4:2:0 and 4:2:2 JPEG and video, YUYV, NV12, Bayer.
-    Reduced,
+    Reduced(Siting),
+}
+
+/// Where the colour that pixels share was sampled. What decoders give the pixels themselves is interpolated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Siting {
+    /// Between two columns, as in JPEG; otherwise on one of them, as in video.
+    pub between_columns: bool,
+    /// Between two rows, as in 4:2:0; otherwise on one of them.
+    pub between_rows: bool,
+}
+
+impl Siting {
+    /// On a pixel.
+    pub const ON_PIXEL: Self = Self { between_columns: false, between_rows: false };
+}
+
+impl ChromaSampling {
+    /// Whether pixels share their colour.
+    #[must_use]
+    pub const fn is_reduced(self) -> bool {
+        matches!(self, Self::Reduced(_))
+    }
+
+    /// The same of a frame whose rows are columns.
+    const fn transposed(self) -> Self {
+        match self {
+            Self::Full => Self::Full,
+            Self::Reduced(Siting { between_columns, between_rows }) => {
+                Self::Reduced(Siting { between_columns: between_rows, between_rows: between_columns })
+            }
+        }
+    }
 }
 
 /// What coding has done to a frame before it reached us.
@@ -56,8 +88,12 @@ pub struct Coding {
 impl Coding {
     /// Nothing lost.
     pub const LOSSLESS: Self = Self { chroma: ChromaSampling::Full, luma_step: 1.0, chroma_step: 1.0 };
+
     /// Colour shared by neighbours, otherwise nothing lost.
-    pub const SHARED_CHROMA: Self = Self { chroma: ChromaSampling::Reduced, luma_step: 1.0, chroma_step: 1.0 };
+    #[must_use]
+    pub const fn shared_chroma(siting: Siting) -> Self {
+        Self { chroma: ChromaSampling::Reduced(siting), luma_step: 1.0, chroma_step: 1.0 }
+    }
 }
 
 /// A picture in memory. Its size is never zero and always agrees with its samples.

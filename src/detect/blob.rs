@@ -277,7 +277,7 @@ impl<'a> Shape<'a> {
     /// The mean position around the core, each pixel weighted by how far it stands out.
     fn centroid(&self, picture: &Picture<'_>, heights: &Heights) -> Centroid {
         // Blur spreads a marker beyond its half height by a pixel or two, more where colour is sampled coarsely.
-        let window = picture.grown(self.bounds, if picture.coding.chroma == ChromaSampling::Reduced { 3 } else { 2 });
+        let window = picture.grown(self.bounds, if picture.coding.chroma.is_reduced() { 3 } else { 2 });
         let origin = Vector2::new(f64::from(window.x), f64::from(window.y));
         let height = heights.top - heights.ground;
         let (mut sum, mut moment) = (0.0, Vector2::zeros());
@@ -293,7 +293,7 @@ impl<'a> Shape<'a> {
         // Noise of the scores, white over the blob, moves the mean of a disc of any size alike: by 1 / (2 sqrt(pi)) of noise
         // over height, and twice that where four pixels share a sample. Coding's share of the noise is fitted to frames
         // with truth; the floor is what the shape of blur and sampling leave.
-        let share = if picture.coding.chroma == ChromaSampling::Reduced { 2.0 } else { 1.0 };
+        let share = if picture.coding.chroma.is_reduced() { 2.0 } else { 1.0 };
         let noise = heights.noise.hypot(CODING_NOISE * picture.coding.chroma_step);
         let random = share * 0.5 * std::f64::consts::FRAC_1_PI.sqrt() * noise / height;
         let radius = (self.area / std::f64::consts::PI).sqrt();

@@ -249,7 +249,7 @@ mod tests {
     use jpeg_encoder::{ColorType as JpegColor, Encoder, SamplingFactor};
 
     use super::*;
-    use crate::frame::ChromaSampling;
+    use crate::frame::{ChromaSampling, Siting};
 
     /// A smooth picture with colour, so that JPEG keeps it.
     fn picture() -> RgbImage {
@@ -304,9 +304,13 @@ mod tests {
 
     #[test]
     fn a_jpeg_stays_ycbcr_unless_rgb_is_wanted_and_states_its_sampling() {
-        for (sampling, chroma) in
-            [(SamplingFactor::F_1_1, ChromaSampling::Full), (SamplingFactor::F_2_2, ChromaSampling::Reduced)]
-        {
+        let between = |between_columns, between_rows| ChromaSampling::Reduced(Siting { between_columns, between_rows });
+        for (sampling, chroma) in [
+            (SamplingFactor::F_1_1, ChromaSampling::Full),
+            (SamplingFactor::F_2_1, between(true, false)),
+            (SamplingFactor::F_1_2, between(false, true)),
+            (SamplingFactor::F_2_2, between(true, true)),
+        ] {
             let bytes = jpeg(sampling, None);
             let native = decode(&bytes).expect("decodes");
             assert!(matches!(native.pixels(), Pixels::YCbCr(_)));

@@ -5,7 +5,7 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::{ChromaSampling, Coding, Frame, FrameError, Limits, Orientation, Pixels, Wanted};
+use super::{ChromaSampling, Coding, Frame, FrameError, Limits, Orientation, Pixels, Siting, Wanted};
 
 /// What the markers before the first scan say.
 struct Header {
@@ -119,7 +119,17 @@ impl StartOfFrame {
         let mut factors = parts.chunks_exact(3).map(|part| part[1]);
         let first = factors.next();
         let table = |component: usize| parts.chunks_exact(3).nth(component).map_or(0, |part| usize::from(part[2] & 3));
-        let chroma = if factors.all(|f| Some(f) == first) { ChromaSampling::Full } else { ChromaSampling::Reduced };
+        // Decoders interpolate what is shared by two, between them, and repeat what is shared by more.
+        let is_halved = |factors: [u8; 2]| factors == [2, 1];
+        let chroma = match (first, factors.next()) {
+            (Some(luma), Some(chroma)) if luma != chroma || factors.any(|other| other != luma) => {
+                ChromaSampling::Reduced(Siting {
+                    between_columns: is_halved([luma >> 4, chroma >> 4]),
+                    between_rows: is_halved([luma & 15, chroma & 15]),
+                })
+            }
+            _ => ChromaSampling::Full,
+        };
         Some(Self {
             width: u32::from(u16::from_be_bytes([w1, w0])),
             height: u32::from(u16::from_be_bytes([h1, h0])),

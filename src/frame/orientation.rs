@@ -3,7 +3,7 @@
 use image::metadata::Orientation as Exif;
 use image::{DynamicImage, GrayImage, RgbImage};
 
-use super::{Frame, Pixels};
+use super::{Coding, Frame, Pixels};
 
 /// How the picture must be turned to stand upright. Intrinsics belong to the sensor's own pixel grid, so frames are by
 /// default taken as they are stored and their orientation only stated.
@@ -76,7 +76,9 @@ impl Frame {
                 (w, h, Pixels::YCbCr(samples))
             }
         };
-        Self { width, height, pixels, coding: self.coding, orientation: Orientation::Upright }
+        // From the fifth on, rows become columns.
+        let chroma = if value >= 5 { self.coding.chroma.transposed() } else { self.coding.chroma };
+        Self { width, height, pixels, coding: Coding { chroma, ..self.coding }, orientation: Orientation::Upright }
     }
 }
 

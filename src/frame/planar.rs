@@ -1,6 +1,6 @@
 //! Planes of Y, Cb and Cr, as video decoders give them.
 
-use super::{Coding, Frame, FrameError, Limits, Pixels};
+use super::{Coding, Frame, FrameError, Limits, Pixels, Siting};
 
 /// Which luma samples share a chroma sample, and where that one lies among them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,6 +26,14 @@ impl Planar {
             Self::Full => (width, height),
             Self::Pairs => (width.div_ceil(2), height),
             Self::Squares { .. } => (width.div_ceil(2), height.div_ceil(2)),
+        }
+    }
+
+    /// Where colours are that are shared.
+    pub(super) const fn siting(self) -> Siting {
+        match self {
+            Self::Mono | Self::Full | Self::Pairs => Siting::ON_PIXEL,
+            Self::Squares { on_left } => Siting { between_columns: !on_left, between_rows: true },
         }
     }
 
@@ -62,7 +70,8 @@ impl Frame {
                 (Pixels::YCbCr(interleaved(planar, width as usize, luma, halves(chroma))), Coding::LOSSLESS)
             }
             Planar::Pairs | Planar::Squares { .. } => {
-                (Pixels::YCbCr(interleaved(planar, width as usize, luma, halves(chroma))), Coding::SHARED_CHROMA)
+                let pixels = interleaved(planar, width as usize, luma, halves(chroma));
+                (Pixels::YCbCr(pixels), Coding::shared_chroma(planar.siting()))
             }
         };
         Self::checked(width, height, pixels, coding)

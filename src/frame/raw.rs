@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::bayer::{self, Mosaic};
 use super::planar::{Planar, interleaved};
-use super::{Coding, Frame, FrameError, Limits, Pixels, Region};
+use super::{Coding, Frame, FrameError, Limits, Pixels, Region, Siting};
 
 /// A raw format of 8 bits a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,10 +115,14 @@ impl Frame {
             RawFormat::Mono8 => (Pixels::Luma(copied(width_px, 1, bytes, part)), Coding::LOSSLESS),
             RawFormat::Bayer(mosaic) => {
                 let rgb = bayer::demosaic(mosaic, width_px, height as usize, bytes, part);
-                (Pixels::Rgb(rgb), Coding::SHARED_CHROMA)
+                (Pixels::Rgb(rgb), Coding::shared_chroma(Siting::ON_PIXEL))
             }
-            RawFormat::Yuyv => (Pixels::YCbCr(yuyv_to_ycbcr(width_px, bytes, part)), Coding::SHARED_CHROMA),
-            RawFormat::Nv12 => (Pixels::YCbCr(nv12_to_ycbcr(width_px, bytes, part)), Coding::SHARED_CHROMA),
+            RawFormat::Yuyv => {
+                (Pixels::YCbCr(yuyv_to_ycbcr(width_px, bytes, part)), Coding::shared_chroma(YUYV.siting()))
+            }
+            RawFormat::Nv12 => {
+                (Pixels::YCbCr(nv12_to_ycbcr(width_px, bytes, part)), Coding::shared_chroma(NV12.siting()))
+            }
         };
         Self::checked(width, height, pixels, coding)
     }
@@ -140,7 +144,7 @@ fn copied(width: usize, channels: usize, bytes: &[u8], part: Region) -> Vec<u8> 
 /// Two pixels of a row share their colour, which lies on the left one, as cameras on USB have it.
 fn yuyv_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
     let height = bytes.len() / (2 * width);
-    full_range(Planar::Pairs, [width, height], part, |planes, rows, columns| {
+    full_range(YUYV, [width, height], part, |planes, rows, columns| {
         for y in rows {
             for pair in bytes[2 * y * width..][2 * columns.start..2 * columns.end].chunks_exact(4) {
                 planes.luma.extend([full_range_luma(pair[0]), full_range_luma(pair[2])]);
@@ -151,11 +155,10 @@ fn yuyv_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
     })
 }
 
-/// Four pixels share their colour, which lies on the left ones between the rows, as video has it unless it says otherwise.
 fn nv12_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
     let (luma, chroma) = bytes.split_at(bytes.len() / 3 * 2);
     let height = luma.len() / width;
-    full_range(Planar::Squares { on_left: true }, [width, height], part, |planes, rows, columns| {
+    full_range(NV12, [width, height], part, |planes, rows, columns| {
         for y in rows {
             planes.luma.extend(luma[y * width..][columns.clone()].iter().map(|y| full_range_luma(*y)));
             if y % 2 == 0 {
@@ -167,6 +170,12 @@ fn nv12_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
         }
     })
 }
+
+/// Two pixels share their colour, which lies on the left one.
+const YUYV: Planar = Planar::Pairs;
+
+/// Four pixels share their colour, which lies on the left ones between the rows, as video has it unless it says otherwise.
+const NV12: Planar = Planar::Squares { on_left: true };
 
 #[derive(Default)]
 struct Planes {

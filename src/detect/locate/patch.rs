@@ -11,7 +11,7 @@ use super::rim::{GROUPS, SECTORS, seat};
 use super::{Likeness, MAX_REACH_PX, Seed};
 use crate::detect::ground::{Sample, median, middle, shortest_half, slope};
 use crate::detect::{MACHINE, single};
-use crate::frame::{ChromaSampling, Frame, Pixels};
+use crate::frame::{ChromaSampling, Frame, Pixels, Siting};
 
 /// A sample of one channel in each of eight sectors.
 #[derive(Clone, Copy)]
@@ -74,7 +74,10 @@ const OTHERS_PX: f32 = 3.0;
 /// Where four pixels share a sample of chroma, one of them is looked at. The variance of that blur, px^2, and what the sample
 /// counts: more than once, as its noise is not the limit.
 const SHARED_BLUR: f64 = 1.5;
-const SHARED_WEIGHT: f64 = 1.6;
+const SHARED_WEIGHT: f64 = 2.2;
+
+/// What is added to that where the samples lie between columns, or rows, px^2.
+const BETWEEN_BLUR: f64 = 0.15;
 
 /// Where colours were filled in from a mosaic and coded at half the rate, what luma alone is bent by, px.
 const MOSAIC_SIGMA_PX: f64 = 0.04;
@@ -226,7 +229,11 @@ impl Gatherer {
         around.clear();
         around.extend(others.iter().filter_map(|other| Some((other.pixel - origin, other.form()?))));
         let reader = Reader { frame, direction: chroma.filter(|_| !matches!(frame.pixels(), Pixels::Luma(_))) };
-        let shared = frame.coding().chroma == ChromaSampling::Reduced;
+        let siting = match frame.coding().chroma {
+            ChromaSampling::Full => None,
+            ChromaSampling::Reduced(siting) => Some(siting),
+        };
+        let shared = siting.is_some();
         let coded = frame.coding().chroma_step > 1.0;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the frame, as was checked")]
         let [left, top, right, bottom] =
@@ -268,7 +275,12 @@ impl Gatherer {
                 if let (Some(colour), Some(direction)) = (&mut colour, &reader.direction)
                     && !(shared && (x % 2 == 1 || y % 2 == 1))
                 {
-                    colour.push(sector, side, sample(reader.chroma(x, y, direction)));
+                    let (off, value) = siting.map_or_else(
+                        || (Vector2::zeros(), reader.chroma(x, y, direction)),
+                        |siting| reader.shared_chroma(x, y, direction, siting),
+                    );
+                    let at = at + off;
+                    colour.push(sector, side, Sample { x: single(at.x), y: single(at.y), value });
                 }
             }
         }
@@ -287,7 +299,7 @@ impl Gatherer {
             luma,
             border: border.map(|(border, _)| border),
             chroma: colour.and_then(|colour| colour.channel(likeness.amid_others)).map(|(channel, _)| channel),
-            chroma_blur: if shared { SHARED_BLUR } else { 0.0 },
+            chroma_blur: siting.map_or(0.0, blur_of),
             chroma_weight: if shared { SHARED_WEIGHT } else { 1.0 },
             mosaic_px3: if shared && reader.direction.is_some() { MOSAIC_PX3 } else { 0.0 },
             floor_px: if shared && reader.direction.is_none() { MOSAIC_SIGMA_PX } else { 0.0 },
@@ -323,6 +335,12 @@ impl Patch<'_> {
         let clarity = (light.luma.x / luma.max(1.0)).hypot(light.chroma.x / chroma.max(1.0));
         LOST_BY_CODING / (clarity.max(LEAST_CLARITY) * area_px.max(1.0).powf(0.75))
     }
+}
+
+/// Variance of the blur of what is sampled like that, px^2.
+fn blur_of(siting: Siting) -> f64 {
+    let axes = [siting.between_columns, siting.between_rows].into_iter().filter(|is_between| *is_between).count();
+    SHARED_BLUR + BETWEEN_BLUR * axes as f64
 }
 
 impl Seed {
@@ -406,6 +424,19 @@ impl Reader<'_> {
             Pixels::YCbCr(s) => f32::from(s[3 * index]),
             Pixels::Rgb(s) => single(luma_of([s[3 * index], s[3 * index + 1], s[3 * index + 2]])),
         }
+    }
+
+    /// Chroma along a direction, and how far from the pixel it lies, px.
+    ///
+    /// A decoder has the colour that lies between two pixels drawn to each of them from more of the one side than of the other. Such a blur
+    /// moves both sides of a disc alike; the mean of both pixels has as much of either side, and lies between them.
+    fn shared_chroma(&self, x: usize, y: usize, direction: &Vector2<f64>, siting: Siting) -> (Vector2<f64>, f32) {
+        let columns = if siting.between_columns { [x, (x + 1).min(self.frame.width() as usize - 1)] } else { [x; 2] };
+        let rows = if siting.between_rows { [y, (y + 1).min(self.frame.height() as usize - 1)] } else { [y; 2] };
+        let half = |is_between| if is_between { 0.5 } else { 0.0 };
+        let off = Vector2::new(half(siting.between_columns), half(siting.between_rows));
+        let all = rows.into_iter().flat_map(|y| columns.map(|x| self.chroma(x, y, direction)));
+        (off, 0.25 * all.sum::<f32>())
     }
 
     /// Chroma along a direction.

@@ -68,7 +68,7 @@ impl Trust {
 }
 
 /// How finely a sector of chroma's rim is drawn at best, px.
-pub(super) const CHROMA_FLOOR_PX: f64 = 0.06;
+pub(super) const CHROMA_FLOOR_PX: f64 = 0.045;
 
 impl Rim {
     pub(super) fn offsets(&self, floor_px: f64) -> Offsets {

@@ -6,7 +6,7 @@ use super::light::Gamma;
 use super::optics::Optics;
 use super::radiance::Radiance;
 use crate::frame::bayer::{Mosaic, demosaic};
-use crate::frame::{Coding, Frame, Pixels, Region};
+use crate::frame::{Coding, Frame, Pixels, Region, Siting};
 use crate::random::normal;
 
 /// The frame of this light.
@@ -24,7 +24,7 @@ pub fn frame_of(picture: &Radiance, optics: &Optics, rng: &mut impl Rng) -> Fram
         Some(mosaic) => {
             let pixels = picture.light.iter().enumerate();
             let raw: Vec<u8> = pixels.map(|(i, light)| expose(light[channel(mosaic, i % width, i / width)])).collect();
-            (demosaic(mosaic, width, height, &raw, whole), Coding::SHARED_CHROMA)
+            (demosaic(mosaic, width, height, &raw, whole), Coding::shared_chroma(Siting::ON_PIXEL))
         }
     };
     #[expect(clippy::expect_used, reason = "three samples for each pixel of a camera, which has at least one")]
