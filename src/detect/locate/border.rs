@@ -1,11 +1,11 @@
-//! The border between two grounds: the edge of a wing, of a panel, of paint, that passes behind a marker or close by.
+//! The border between two grounds: the edge of a wing, of a panel, of paint, that passes behind a marker or close by; or a line.
 //!
 //! A disc that lies across it is higher over the one ground than over the other, and of all that spoils a rim this looks most like a disc that
 //! lies elsewhere. Beyond the rim it is plain to see, and straight on it goes behind the disc.
 
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
-use nalgebra::{Matrix3, Matrix4, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix5, Vector2, Vector3, Vector5};
 
 use super::ellipse::LOGISTIC;
 use super::fit::MIN_NOISE;
@@ -13,56 +13,60 @@ use super::lanes::logistic_fall;
 use crate::detect::ground::{Sample, shortest_third};
 use crate::detect::single;
 
-/// A straight border.
+/// A straight border. Beyond it lies another ground, of which there is a wide stretch, or that of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Border {
     /// Towards the other ground, of length one.
     normal: Vector2<f64>,
     /// How far along it from the patch's origin the border lies, px.
     distance: f64,
+    /// How wide the other ground is, px.
+    width: f64,
     /// How much higher the other ground's code is.
     pub height: f64,
 }
 
-/// A border is looked for where this part of the samples, and as many at least, are so many deviations off the ground.
-const MIN_PART: f64 = 0.12;
-const MIN_SAMPLES: usize = 8;
+/// Samples are another ground's from so many deviations on; a line or a border is looked for where there are as many of them.
 const OFF: f64 = 5.0;
+const MIN_SAMPLES: usize = 6;
 
-/// Directions that are tried, over half a turn, and samples that are looked at, at most.
+/// Directions that are tried, over half a turn, and samples that are looked at in each, at most.
 const DIRECTIONS: usize = 24;
-const MAX_SAMPLES: usize = 240;
+const MAX_SAMPLES: usize = 120;
 
-/// What two level grounds leave of the squares about one level, at most, and of those about a slope.
+/// What it leaves of the squares about a level ground, at most, and of those about a slope.
 const MAX_LEFT: f64 = 0.5;
 const MAX_LEFT_OF_SLOPE: f64 = 0.75;
 
-/// How steeply it rises, 1/px: through a blur of this deviation, px, as lenses about as sharp as pixels have.
+/// Deviation of the blur of a border, px, as lenses about as sharp as pixels have, and how steeply that rises, 1/px.
 const BLUR_PX: f64 = 0.84;
 const STEEP: f64 = LOGISTIC / BLUR_PX;
 
+/// How wide a line is: what is expected, with a deviation of 1 px, the least, the most, and what has no end, px.
+const LINE_PX: f64 = 1.5;
+const LEAST_LINE_PX: f64 = 0.5;
+const WIDEST_LINE_PX: f64 = 4.0;
+const ENDLESS_PX: f64 = 1e4;
+
 /// Rounds by which it is placed, and the longest move in each, px.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 6;
 const MAX_MOVE_PX: f64 = 0.7;
 
 /// Finds borders, one after the other in the same memory.
 #[derive(Default)]
 pub(super) struct Finder {
     values: Vec<f32>,
-    samples: Vec<Sample>,
-    /// Of each sample, how far along a direction it lies, and its value.
+    /// Of some samples, how far along a direction they lie, and their values.
     along: Vec<(f32, f32)>,
 }
 
 /// Two grounds on either side of a line.
 #[derive(Clone, Copy)]
 struct Split {
-    normal: Vector2<f64>,
-    distance: f64,
-    /// Means before and beyond it, and whether most of the samples are beyond.
-    means: [f64; 2],
-    is_turned: bool,
-    /// Sum of the squares about them.
+    border: Border,
+    /// Code of the ground before it.
+    level: f64,
+    /// Sum of the squares about both.
     left: f64,
 }
 
@@ -75,86 +79,99 @@ impl Finder {
         let (ground, noise) = shortest_third(&mut self.values)?;
         let (ground, noise) = (f64::from(ground), f64::from(noise).max(MIN_NOISE).hypot(coding_noise));
         let is_off = |value: &&f32| (f64::from(**value) - ground).abs() > OFF * noise;
-        let off = self.values.iter().filter(is_off).count();
-        if off < MIN_SAMPLES || (off as f64) < MIN_PART * beyond.len() as f64 {
+        if self.values.iter().filter(is_off).count() < MIN_SAMPLES {
             return None;
         }
-        self.samples.clear();
-        self.samples.extend(beyond.iter().step_by(beyond.len().div_ceil(MAX_SAMPLES)));
-        let splits = (0..DIRECTIONS).filter_map(|index| self.split(index));
-        let split = splits.min_by(|a, b| a.left.total_cmp(&b.left))?;
-        let (level, slope) = squares(&self.samples)?;
-        if split.left > MAX_LEFT * level || split.left > MAX_LEFT_OF_SLOPE * slope {
-            return None;
-        }
-        let (border, ground) = split.placed(&self.samples, noise)?;
-        (border.height.abs() > OFF * noise).then_some((border, ground))
+        let (level, slope) = squares(beyond)?;
+        let splits = (0..DIRECTIONS).filter_map(|index| self.split(beyond, index));
+        let placed = splits.min_by(|a, b| a.left.total_cmp(&b.left))?.placed(beyond, noise)?;
+        let is_plain = placed.left < MAX_LEFT * level && placed.left < MAX_LEFT_OF_SLOPE * slope;
+        (is_plain && placed.border.height.abs() > OFF * noise).then_some((placed.border, placed.level))
     }
 
     /// The best split of the samples across a direction.
-    fn split(&mut self, index: usize) -> Option<Split> {
+    fn split(&mut self, samples: &[Sample], index: usize) -> Option<Split> {
         let (sine, cosine) = (std::f64::consts::PI * index as f64 / DIRECTIONS as f64).sin_cos();
         let [right, down] = [cosine, sine].map(single);
-        let Self { samples, along, .. } = self;
+        let along = &mut self.along;
         along.clear();
-        along.extend(samples.iter().map(|sample| (sample.x * right + sample.y * down, sample.value)));
+        let some = samples.iter().step_by(samples.len().div_ceil(MAX_SAMPLES));
+        along.extend(some.map(|sample| (sample.x * right + sample.y * down, sample.value)));
         along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let count = along.len() as f64;
-        let (sum, squares) = along.iter().fold((0.0, 0.0), |(sum, squares), (_, value)| {
-            let value = f64::from(*value);
-            (sum + value, squares + value * value)
-        });
-        let mut before = 0.0;
-        let mut best: Option<Split> = None;
-        for (k, pair) in along.windows(2).enumerate() {
-            before += f64::from(pair[0].1);
-            let (n, beyond) = ((k + 1) as f64, sum - before);
-            if k + 1 < MIN_SAMPLES || along.len() - k - 1 < MIN_SAMPLES {
-                continue;
-            }
-            let left = squares - before * before / n - beyond * beyond / (count - n);
-            if best.is_none_or(|best| left < best.left) {
-                best = Some(Split {
-                    normal: Vector2::new(cosine, sine),
-                    distance: 0.5 * f64::from(pair[0].0 + pair[1].0),
-                    means: [before / n, beyond / (count - n)],
-                    is_turned: 2 * (k + 1) < along.len(),
-                    left,
-                });
+        let count = along.len();
+        let mean = along.iter().map(|(_, value)| f64::from(*value)).sum::<f64>() / count as f64;
+        // Of both means of a stretch and of the rest about that of all.
+        let gain = |sum: f64, n: usize| sum * sum * (1.0 / n as f64 + 1.0 / (count - n) as f64);
+        let mut best: Option<(usize, usize, f64, f64)> = None;
+        for start in 0..count {
+            let mut sum = 0.0;
+            for end in start..count - MIN_SAMPLES.min(count) {
+                sum += f64::from(along[end].1) - mean;
+                let n = end + 1 - start;
+                let is_line = f64::from(along[end].0 - along[start].0) <= WIDEST_LINE_PX && 2 * n <= count;
+                if !is_line && start > 0 {
+                    break;
+                }
+                let gained = gain(sum, n);
+                if n >= MIN_SAMPLES && best.is_none_or(|(.., most)| gained > most) {
+                    best = Some((start, end, sum, gained));
+                }
             }
         }
-        best
+        let (start, end, sum, gained) = best?;
+        let inside = mean + sum / (end + 1 - start) as f64;
+        let outside = mean - sum / (count - end - 1 + start) as f64;
+        let between = |k: usize| 0.5 * f64::from(along[k].0 + along[k + 1].0);
+        let normal = Vector2::new(cosine, sine);
+        let squares = along.iter().map(|(_, value)| (f64::from(*value) - mean).powi(2)).sum::<f64>();
+        let (border, level) = if start > 0 {
+            let (from, to) = (between(start - 1), between(end));
+            (Border { normal, distance: from, width: to - from, height: inside - outside }, outside)
+        } else if 2 * (end + 1) <= count {
+            // The other ground is the one of which there is less.
+            (Border { normal: -normal, distance: -between(end), width: ENDLESS_PX, height: inside - outside }, outside)
+        } else {
+            (Border { normal, distance: between(end), width: ENDLESS_PX, height: outside - inside }, inside)
+        };
+        Some(Split { border, level, left: squares - gained })
     }
 }
 
 impl Split {
-    /// The border where it is exactly, by Gauss and Newton; what lies on either ground beside it counts less the farther off it is.
-    fn placed(&self, samples: &[Sample], noise: f64) -> Option<(Border, f64)> {
-        let [before, beyond] = self.means;
-        let (near, other, sign) = if self.is_turned { (beyond, before, -1.0) } else { (before, beyond, 1.0) };
-        let mut level = near;
-        let mut border = Border { normal: self.normal * sign, distance: self.distance * sign, height: other - near };
+    /// The same where it is exactly, by Gauss and Newton; what lies on either ground beside it counts less the farther off it is.
+    fn placed(mut self, samples: &[Sample], noise: f64) -> Option<Self> {
         for _ in 0..ROUNDS {
+            let Self { border, level, .. } = self;
             let across = Vector2::new(-border.normal.y, border.normal.x);
             let scale = (3.0 * noise).hypot(0.1 * border.height);
-            let (mut normal, mut right) = (Matrix4::identity() * 1e-9, Vector4::zeros());
+            let (mut normal, mut right) = (Matrix5::identity() * 1e-9, Vector5::zeros());
+            if border.width < ENDLESS_PX {
+                normal.m55 += noise * noise;
+                right[4] += noise * noise * (LINE_PX - border.width);
+            }
+            self.left = 0.0;
             for sample in samples {
                 let at = Vector2::new(f64::from(sample.x), f64::from(sample.y));
-                let share = 1.0 / (1.0 + (STEEP * (border.distance - border.normal.dot(&at))).exp());
-                let steep = border.height * STEEP * share * (1.0 - share);
-                let off = f64::from(sample.value) - level - border.height * share;
-                let by = Vector4::new(1.0, share, -steep, steep * across.dot(&at));
+                let past = border.normal.dot(&at) - border.distance;
+                let [from, to] = [past, past - border.width].map(|past| 1.0 / (1.0 + (-STEEP * past).exp()));
+                let [begin, end] = [from, to].map(|share| border.height * STEEP * share * (1.0 - share));
+                let off = f64::from(sample.value) - level - border.height * (from - to);
+                let by = Vector5::new(1.0, from - to, end - begin, (begin - end) * across.dot(&at), end);
                 let weight = 1.0 / (1.0 + (off / scale).powi(2));
                 normal += by * by.transpose() * weight;
                 right += by * (weight * off);
+                self.left += off * off;
             }
             let step = normal.cholesky()?.solve(&right);
-            level += step.x;
-            border.height += step.y;
-            border.distance += step.z.clamp(-MAX_MOVE_PX, MAX_MOVE_PX);
-            border.normal = (border.normal + across * step.w.clamp(-0.1, 0.1)).normalize();
+            self.level += step[0];
+            self.border.height += step[1];
+            self.border.distance += step[2].clamp(-MAX_MOVE_PX, MAX_MOVE_PX);
+            self.border.normal = (border.normal + across * step[3].clamp(-0.1, 0.1)).normalize();
+            if border.width < ENDLESS_PX {
+                self.border.width = (border.width + step[4]).clamp(LEAST_LINE_PX, WIDEST_LINE_PX);
+            }
         }
-        Some((border, level))
+        Some(self)
     }
 }
 
@@ -177,8 +194,10 @@ impl Border {
     #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
     pub(super) fn share<S: Simd>(&self, x: f32x8<S>, y: f32x8<S>) -> f32x8<S> {
-        let [right, down, far] = [self.normal.x * STEEP, self.normal.y * STEEP, self.distance * STEEP].map(single);
-        logistic_fall(-(x * right + y * down) + far)
+        let [right, down, from, width] =
+            [self.normal.x, self.normal.y, self.distance, self.width].map(|of| single(of * STEEP));
+        let before = -(x * right + y * down) + from;
+        logistic_fall(before) - logistic_fall(before + width)
     }
 }
 
@@ -199,14 +218,13 @@ mod tests {
     }
 
     /// What of a pixel is beyond a line, through a blur.
-    fn beyond(at: &Vector2<f64>, normal: &Vector2<f64>, distance: f64) -> f64 {
+    fn past(at: &Vector2<f64>, normal: &Vector2<f64>, distance: f64) -> f64 {
         // Of the square of a pixel and a lens, by rays.
         let rays = (-8..=8).map(|step| f64::from(step) / 4.0);
         let lens = |off: f64| (-off * off / (2.0 * BLUR_PX * BLUR_PX)).exp();
-        let past = normal.dot(at) - distance;
-        let (sum, all) = rays.fold((0.0, 0.0), |(sum, all), off| {
-            (sum + if past + off > 0.0 { lens(off) } else { 0.0 }, all + lens(off))
-        });
+        let way = normal.dot(at) - distance;
+        let (sum, all) = rays
+            .fold((0.0, 0.0), |(sum, all), off| (sum + if way + off > 0.0 { lens(off) } else { 0.0 }, all + lens(off)));
         sum / all
     }
 
@@ -214,7 +232,7 @@ mod tests {
     fn a_border_is_found_where_it_is_on_either_side_of_the_middle() {
         for (turn, distance) in [(0.3, 2.0), (1.9, 1.1), (4.4, 4.1), (5.9, -1.4)] {
             let normal = Vector2::new(f64::cos(turn), f64::sin(turn));
-            let samples = ring(|at| 150.0 - 32.0 * beyond(&at, &normal, distance));
+            let samples = ring(|at| 150.0 - 32.0 * past(&at, &normal, distance));
             let (found, ground) = Finder::default().find(&samples, 0.0).unwrap_or_else(|| panic!("{turn}: no border"));
             // The other ground is the one of which there is less.
             let is_turned = found.height > 0.0;
@@ -228,11 +246,27 @@ mod tests {
     }
 
     #[test]
+    fn a_line_is_found_behind_a_disc_and_along_its_rim() {
+        for (turn, distance) in [(0.3, 0.5), (1.9, 4.0), (2.8, 6.5)] {
+            let normal = Vector2::new(f64::cos(turn), f64::sin(turn));
+            let line = |at: &Vector2<f64>| past(at, &normal, distance) - past(at, &normal, distance + 1.4);
+            let (found, ground) = Finder::default().find(&ring(|at| 150.0 - 40.0 * line(&at)), 0.0).expect("a line");
+            // The same line from either side.
+            let sign = found.normal.dot(&normal).signum();
+            assert!((found.normal * sign - normal).norm() < 0.05, "{turn}: {found:?}");
+            let middle = sign * (found.distance + 0.5 * found.width);
+            assert!((middle - distance - 0.7).abs() < 0.2, "{turn}: {found:?}");
+            // How wide a thin line is and how dark can hardly be told apart; their product can.
+            assert!((found.height * found.width + 40.0 * 1.4).abs() < 9.0, "{turn}: {found:?}");
+            assert!((ground - 150.0).abs() < 0.7, "{turn}: {ground}");
+        }
+    }
+
+    #[test]
     fn what_is_no_border_is_none() {
         let find = |value: &dyn Fn(Vector2<f64>) -> f64| Finder::default().find(&ring(value), 0.0);
         assert_eq!(find(&|_| 120.0), None, "level");
         assert_eq!(find(&|at| 120.0 + 3.0 * at.x), None, "a slope");
-        assert_eq!(find(&|at| if at.y.abs() < 1.0 { 80.0 } else { 120.0 }), None, "a line across");
         assert_eq!(find(&|at| 120.0 + 30.0 * (0.9 * at.x).sin() * (0.9 * at.y).cos()), None, "leaves");
         assert_eq!(Finder::default().find(&[], 0.0), None);
         let few = &ring(|at| if at.x > 0.0 { 80.0 } else { 120.0 })[..12];
@@ -241,12 +275,13 @@ mod tests {
 
     #[test]
     fn shares_are_those_that_it_was_placed_with() {
-        let border = Border { normal: Vector2::new(0.6, 0.8), distance: 1.5, height: 20.0 };
+        let border = Border { normal: Vector2::new(0.6, 0.8), distance: 1.5, width: 3.0, height: 20.0 };
         let xs: [f32; LANES] = std::array::from_fn(|lane| lane as f32 - 3.0);
         let found: [f32; LANES] =
             dispatch!(*MACHINE, simd => *border.share(Lanes(xs).load(simd), Lanes([2.0; LANES]).load(simd)));
         for (x, found) in xs.into_iter().zip(found) {
-            let expected = beyond(&Vector2::new(f64::from(x), 2.0), &border.normal, border.distance);
+            let at = Vector2::new(f64::from(x), 2.0);
+            let expected = past(&at, &border.normal, 1.5) - past(&at, &border.normal, 4.5);
             assert!((f64::from(found) - expected).abs() < 0.06, "{x}: {found} {expected}");
         }
     }

@@ -30,6 +30,9 @@ const ALIASING_PX3: f64 = 2.0;
 /// What eight bits and a curve of codes that is not known leave of the best, px.
 const LEAST_SIGMA_PX: f64 = 0.004;
 
+/// What a border as high as the ellipse leaves when it has been taken into account, px.
+const LEFT_BY_BORDER_PX: f64 = 0.02;
+
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
 
@@ -120,7 +123,7 @@ impl Fitter {
         let stated = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
         let blur = model.ellipse.ln_blur.exp();
         let aliasing = (ALIASING_PX3 * (-blur / SHARP_BLUR).exp() + patch.mosaic_px3) / model.ellipse.area_px();
-        let systematic = aliasing.hypot(patch.floor_px);
+        let systematic = aliasing.hypot(patch.floor_px).hypot(left_by_border(&model));
         let by_scatter = (trust.scatter * stated).hypot(systematic);
         let sigma_px = if likeness.by_unevenness {
             let uneven = uneven.max(patch.least_unevenness() * trust.scatter.powi(2));
@@ -135,6 +138,12 @@ impl Fitter {
         let fits = sigma_px.is_finite() && kept > MIN_KEPT && (pixel - seed.pixel).norm() < may_move;
         fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
     }
+}
+
+/// What the border behind an ellipse leaves of its pull, px.
+fn left_by_border(model: &Model) -> f64 {
+    let (height, beyond) = (model.light.luma[0], model.light.luma[4]);
+    if model.border.is_some() { LEFT_BY_BORDER_PX * (beyond.abs() / height.abs().max(1.0)).min(1.0) } else { 0.0 }
 }
 
 /// Leaves out of the form's equations what the slopes of the ground and its border explain as well.

@@ -80,6 +80,9 @@ const EDGE_ERROR: f64 = 0.03;
 const SHARP_ERROR: f64 = 0.12;
 pub(super) const SHARP_BLUR: f64 = 0.1;
 
+/// The part of a border's height by which it is not as straight, as sharp and as wide as it is drawn.
+const BORDER_ERROR: f32 = 0.15;
+
 /// The error of edges with this blur.
 fn bent(edge_error: f64, ln_blur: f64, more: f64) -> f32 {
     single(edge_error + SHARP_ERROR * (-(ln_blur.exp() + more) / SHARP_BLUR).exp())
@@ -155,6 +158,33 @@ impl<S: Simd> Place<S> {
             + single(2.0 * own * LOGISTIC * LOGISTIC * blur * half_trace * half_trace);
         let by_blur = edge * z * 0.5 * widening * per_root * per_root;
         Cover { share, by_rim, by_blur }
+    }
+}
+
+/// How luma's codes are mixed.
+struct Mixed<S: Simd> {
+    /// What of the ground is beyond the border.
+    far: f32x8<S>,
+    /// What the code is over the straight line from the ground before the border to the ellipse, and the slope of that.
+    over_line: f32x8<S>,
+    slope: f32x8<S>,
+}
+
+impl<S: Simd> Mixed<S> {
+    #[inline(always)]
+    fn of(model: &Model, share: f32x8<S>, x: f32x8<S>, y: f32x8<S>) -> Self {
+        let (over_line, slope) = model.mixture.luma.over_line(share);
+        let Some((border, mixture)) = &model.border else {
+            return Self { far: f32x8::splat(share.simd, 0.0), over_line, slope };
+        };
+        let far = border.share(x, y);
+        let higher = single(model.light.luma[LIGHTS - 1]);
+        let (over_there, slope_there) = mixture.luma.over_line(share);
+        Self {
+            far,
+            over_line: over_line + far * (over_there - over_line - share * higher + higher),
+            slope: slope + far * (slope_there - slope - higher),
+        }
     }
 }
 
@@ -270,7 +300,7 @@ fn gather_by<S: Simd>(
     trust: &Trust,
     looked: &mut Vec<Looked>,
 ) -> Sums {
-    let Model { ellipse, light, noise, mixture, border } = model;
+    let Model { ellipse, light, noise, border, .. } = model;
     let noise_squared = single(noise.luma * noise.luma);
     // An edge of what is small is drawn by few pixels.
     let small = (1.0 + likeness.sectored_area_px / ellipse.area_px()).sqrt();
@@ -294,19 +324,13 @@ fn gather_by<S: Simd>(
             let [x, y, value, free] = [&octet.x, &octet.y, &octet.value, &octet.free].map(|lanes| lanes.load(simd));
             let place = Place::of(x, y, ellipse);
             let cover = place.cover(ellipse, 0.0);
-            let (mut over_line, mut slope) = mixture.luma.over_line(cover.share);
-            let mut far = zero;
-            if let Some((border, mixture)) = border {
-                far = border.share(x, y);
-                let (from_there, slope_there) = mixture.luma.over_line(cover.share);
-                over_line += far * (from_there - over_line - cover.share * beyond + beyond);
-                slope += far * (slope_there - slope - beyond);
-            }
+            let Mixed { far, over_line, slope } = Mixed::of(model, cover.share, x, y);
             let code = cover.share * height + ground + x * right + y * down + over_line;
             let rise = slope + height;
             let edge = (cover.share - cover.share * cover.share) * 4.0;
             let bend = (edge * (1.0 - likeness.feet) + likeness.feet) * (rise * rise + chroma_bend).sqrt() * bent;
-            let variance = bend * bend + noise_squared;
+            let seam = (far - far * far) * (4.0 * BORDER_ERROR * beyond);
+            let variance = bend * bend + seam * seam + noise_squared;
             let said = said(value - code, variance, max_deviations, rise * cover.by_rim, free);
             here.add(&said, &place);
             let level = free - free * edge;

@@ -289,7 +289,11 @@ impl Gatherer {
         }
         let (mut luma, beyond) = luma.channel(likeness.amid_others)?;
         let luma_coding_noise = CODING_NOISE * frame.coding().luma_step;
-        let border = likeness.amid_others.then(|| borders.find(beyond, luma_coding_noise)).flatten();
+        // Of what is small a border is seen from too few places to tell where it is.
+        let is_small =
+            seed.moments.determinant().max(0.0).sqrt() * 4.0 * std::f64::consts::PI < likeness.sectored_area_px;
+        let looks = likeness.amid_others && !is_small;
+        let border = if looks { borders.find(beyond, luma_coding_noise) } else { None };
         if let Some((_, ground)) = border {
             luma.outside = ground;
         }
