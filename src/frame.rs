@@ -43,7 +43,7 @@ pub enum ChromaSampling {
 }
 
 /// Where the colour that pixels share was sampled. What decoders give the pixels themselves is interpolated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Siting {
     /// Between two columns, as in JPEG; otherwise on one of them, as in video.
     pub between_columns: bool,

@@ -6,6 +6,7 @@
 //! pixels that fit neither are left out. An LED in the dark has no rim: it is the centroid of its light.
 
 mod border;
+mod cover;
 mod ellipse;
 mod fit;
 mod foreign;
@@ -14,6 +15,7 @@ mod light;
 mod mixture;
 mod pass;
 mod patch;
+mod reader;
 mod rim;
 mod shape;
 

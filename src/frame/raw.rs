@@ -141,7 +141,6 @@ fn copied(width: usize, channels: usize, bytes: &[u8], part: Region) -> Vec<u8> 
     out
 }
 
-/// Two pixels of a row share their colour, which lies on the left one, as cameras on USB have it.
 fn yuyv_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
     let height = bytes.len() / (2 * width);
     full_range(YUYV, [width, height], part, |planes, rows, columns| {
@@ -171,7 +170,7 @@ fn nv12_to_ycbcr(width: usize, bytes: &[u8], part: Region) -> Vec<u8> {
     })
 }
 
-/// Two pixels share their colour, which lies on the left one.
+/// Two pixels of a row share their colour, which lies on the left one, as cameras on USB have it.
 const YUYV: Planar = Planar::Pairs;
 
 /// Four pixels share their colour, which lies on the left ones between the rows, as video has it unless it says otherwise.
