@@ -273,7 +273,7 @@ fn markers_are_told_apart_at_any_number() {
     head();
     let mut all = Tally::default();
     for kind in [Kind::Facing, Kind::Deep] {
-        for (markers, scenes) in [(4, 30), (6, 30), (8, 20), (12, 12), (24, 5)] {
+        for (markers, scenes) in [(4, 20), (6, 20), (8, 12), (12, 8), (24, 3)] {
             let mut missing = vec![0, 1, markers / 3];
             missing.dedup();
             for missing in missing.into_iter().filter(|missing| markers - missing >= 4) {
@@ -302,7 +302,7 @@ fn markers_are_told_apart_at_any_number() {
 fn nothing_is_found_where_the_target_is_not() {
     head();
     for kind in [Kind::Facing, Kind::Deep] {
-        for (markers, scenes) in [(4, 100), (6, 100), (12, 10), (24, 2)] {
+        for (markers, scenes) in [(4, 50), (6, 50), (12, 4), (24, 1)] {
             for clutter in [6, 12, 24] {
                 let cell = Cell { kind, markers, missing: 0, clutter, instances: 0, sigma_px: 0.3, scenes };
                 // Chance passes the default threshold less than once in 10 000 scenes.

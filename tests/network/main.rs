@@ -1,4 +1,4 @@
-//! The Zenoh door, and what goes through it: bare, guarded, of ROS 2, of a swarm, of MAVLink.
+//! The Zenoh door, and what goes through it: bare, guarded, of ROS 2, of a swarm, of MAVLink, over a link that loses.
 
 #![allow(
     clippy::expect_used,
@@ -10,6 +10,8 @@
 
 mod bus;
 mod guard;
+mod hosts;
+mod links;
 #[cfg(feature = "mavlink")]
 mod mavlink;
 #[path = "../clients/python.rs"]

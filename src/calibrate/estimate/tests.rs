@@ -129,7 +129,7 @@ fn parameters_lie_within_their_covariance() {
         let camera = truth(lens);
         let size = (4 + lens.coefficients().len()) as f64;
         let (mut parameters, mut rays, mut noise) = (0.0, 0.0, 0.0);
-        let sets = 80;
+        let sets = 50;
         for set in 0..sets {
             let mut rng = case("calibration covariance", set);
             let views = views(&camera, &board, 10, 0.2, &mut rng);

@@ -147,7 +147,7 @@ fn the_turn_that_is_flown_is_that_of_a_step_by_step_integration() {
 
 #[test]
 fn simulated_blobs_and_rendered_frames_tell_the_same() {
-    let standard = EncounterStudy::standard(4, 11);
+    let standard = EncounterStudy::standard(2, 11);
     let simulated = EncounterStudy {
         traffic: Traffic { course_rad: [PI - 0.3, PI + 0.3], miss_m: [0.0, 4.0], ..standard.traffic },
         rate_hz: 10.0,

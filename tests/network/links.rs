@@ -1,32 +1,19 @@
 //! Two hosts with a link between them that delays and loses: what is lost is counted, what comes late is not answered, and a link that
 //! was away is there again.
 
-#![allow(
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    dead_code,
-    reason = "a test says what it takes for granted, and shows its figures; not every test uses all of the station"
-)]
-
-#[path = "links/hosts.rs"]
-mod hosts;
-#[path = "clients/python.rs"]
-mod python;
-#[path = "http/station.rs"]
-mod station;
-
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
-use hosts::{Hosts, SERVER};
 use serde_json::{Value, json};
 use skypose::scene::encode;
-use station::Station;
 use tempfile::TempDir;
+
+use crate::hosts::{Hosts, SERVER};
+use crate::station::Station;
+use crate::{python, station};
 
 const DELAY: Duration = Duration::from_millis(50);
 const LOSS_PERCENT: u32 = 5;
