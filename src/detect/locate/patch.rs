@@ -91,8 +91,8 @@ const CODING_NOISE: f64 = 0.3;
 
 /// What coding's noise counts more than its variance, and what it takes of a disc of a square pixel that is one step high, px. Both are
 /// fitted to rendered discs of all hues and qualities from 50 to 95.
-const CODED_TOGETHER: f64 = 1.8;
-const LOST_BY_CODING: f64 = 5.0;
+const CODED_TOGETHER: f64 = 1.4;
+const LOST_BY_CODING: f64 = 6.5;
 
 /// Steps of height below which there is nothing that could be drawn worse.
 const LEAST_CLARITY: f64 = 0.3;
@@ -327,7 +327,7 @@ impl Patch<'_> {
     /// Opposite sides may agree by chance, the less so the worse the rim as a whole fits; this part of its misfit's variance counts at
     /// least. Coding's waves are wider than a marker, and what they do to both of its sides alike is not all that they do.
     pub(super) fn least_unevenness(&self) -> f64 {
-        if self.steps[0] > 0.0 { 0.64 } else { 0.25 }
+        if self.steps[0] > 0.0 { 0.4 } else { 0.25 }
     }
 
     /// What coding takes of a small disc, px: waves that are lower than half a step are dropped, and they are what it is drawn by.
