@@ -48,16 +48,37 @@ const LEAST_LINE_PX: f64 = 0.5;
 const WIDEST_LINE_PX: f64 = 4.0;
 const ENDLESS_PX: f64 = 1e4;
 
-/// Rounds by which it is placed, and the longest move in each, px.
+/// Rounds by which it is placed at most, the longest move in each, and the move and turn that end them.
 const ROUNDS: usize = 6;
 const MAX_MOVE_PX: f64 = 0.7;
+const SETTLED_PX: f64 = 0.01;
+const SETTLED_RAD: f64 = 1e-3;
+
+/// Places along a direction that are tried, in a pixel, and over how many of them a line may reach.
+const PLACES_PER_PX: f32 = 2.0;
+const WIDEST_LINE: usize = 8;
 
 /// Finds borders, one after the other in the same memory.
 #[derive(Default)]
 pub(super) struct Finder {
     values: Vec<f32>,
-    /// Of some samples, how far along a direction they lie, and their values.
-    along: Vec<(f32, f32)>,
+    few: Few,
+}
+
+/// Some of the samples.
+#[derive(Default)]
+struct Few {
+    /// Values are from their mean.
+    samples: Vec<Sample>,
+    mean: f64,
+    /// Sum of the squares about it.
+    squares: f64,
+    /// How far they lie from the origin at most, px.
+    reach: f32,
+    /// Of so many samples on one side, what the square of their sum is worth; zero where they are too few.
+    worth: Vec<f32>,
+    /// At each place along a direction, how many samples lie before it, and their sum.
+    before: Vec<(usize, f32)>,
 }
 
 /// Two grounds on either side of a line.
@@ -83,58 +104,98 @@ impl Finder {
             return None;
         }
         let (level, slope) = squares(beyond)?;
-        let splits = (0..DIRECTIONS).filter_map(|index| self.split(beyond, index));
+        self.few.take(beyond);
+        let splits = (0..DIRECTIONS).filter_map(|index| self.few.split(index));
         let placed = splits.min_by(|a, b| a.left.total_cmp(&b.left))?.placed(beyond, noise)?;
         let is_plain = placed.left < MAX_LEFT * level && placed.left < MAX_LEFT_OF_SLOPE * slope;
         (is_plain && placed.border.height.abs() > OFF * noise).then_some((placed.border, placed.level))
     }
+}
+
+impl Few {
+    fn take(&mut self, samples: &[Sample]) {
+        self.samples.clear();
+        self.samples.extend(samples.iter().step_by(samples.len().div_ceil(MAX_SAMPLES)));
+        let count = self.samples.len();
+        self.mean = self.samples.iter().map(|sample| f64::from(sample.value)).sum::<f64>() / count as f64;
+        (self.squares, self.reach) = (0.0, 0.0);
+        for sample in &mut self.samples {
+            sample.value -= single(self.mean);
+            self.squares += f64::from(sample.value * sample.value);
+            self.reach = self.reach.max(sample.x.hypot(sample.y));
+        }
+        // Of both means, of a stretch and of the rest, about that of all.
+        let worth = |n: usize| {
+            if n.min(count - n) < MIN_SAMPLES { 0.0 } else { (n as f32).recip() + ((count - n) as f32).recip() }
+        };
+        self.worth.clear();
+        self.worth.extend((0..=count).map(worth));
+    }
+
+    /// Counts them at the places along a direction.
+    fn count(&mut self, [right, down]: [f32; 2]) {
+        self.before.clear();
+        self.before.resize(whole(2.0 * self.reach * PLACES_PER_PX) + 3, (0, 0.0));
+        for sample in &self.samples {
+            // Those before the first place are none.
+            let place = &mut self.before[1 + whole((sample.x * right + sample.y * down + self.reach) * PLACES_PER_PX)];
+            *place = (place.0 + 1, place.1 + sample.value);
+        }
+        let (mut count, mut sum) = (0, 0.0);
+        for place in &mut self.before {
+            (count, sum) = (count + place.0, sum + place.1);
+            *place = (count, sum);
+        }
+    }
 
     /// The best split of the samples across a direction.
-    fn split(&mut self, samples: &[Sample], index: usize) -> Option<Split> {
+    fn split(&mut self, index: usize) -> Option<Split> {
         let (sine, cosine) = (std::f64::consts::PI * index as f64 / DIRECTIONS as f64).sin_cos();
-        let [right, down] = [cosine, sine].map(single);
-        let along = &mut self.along;
-        along.clear();
-        let some = samples.iter().step_by(samples.len().div_ceil(MAX_SAMPLES));
-        along.extend(some.map(|sample| (sample.x * right + sample.y * down, sample.value)));
-        along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let count = along.len();
-        let mean = along.iter().map(|(_, value)| f64::from(*value)).sum::<f64>() / count as f64;
-        // Of both means of a stretch and of the rest about that of all.
-        let gain = |sum: f64, n: usize| sum * sum * (1.0 / n as f64 + 1.0 / (count - n) as f64);
-        let mut best: Option<(usize, usize, f64, f64)> = None;
-        for start in 0..count {
-            let mut sum = 0.0;
-            for end in start..count - MIN_SAMPLES.min(count) {
-                sum += f64::from(along[end].1) - mean;
-                let n = end + 1 - start;
-                let is_line = f64::from(along[end].0 - along[start].0) <= WIDEST_LINE_PX && 2 * n <= count;
-                if !is_line && start > 0 {
-                    break;
-                }
-                let gained = gain(sum, n);
-                if n >= MIN_SAMPLES && best.is_none_or(|(.., most)| gained > most) {
-                    best = Some((start, end, sum, gained));
+        self.count([cosine, sine].map(single));
+        let (before, all) = (&self.before, self.samples.len());
+        // From where to where, and how much less is left.
+        let mut best = (0, 0, 0.0_f32);
+        for (to, (n, sum)) in before.iter().enumerate() {
+            let gained = sum * sum * self.worth[*n];
+            if gained > best.2 {
+                best = (0, to, gained);
+            }
+        }
+        for (from, (n, sum)) in before.iter().enumerate().skip(1) {
+            for (to, (n_there, sum_there)) in before.iter().enumerate().skip(from + 1).take(WIDEST_LINE) {
+                let (n, sum) = (n_there - n, sum_there - sum);
+                // A line has less than what is beside it.
+                let gained = sum * sum * self.worth[n];
+                if gained > best.2 && 2 * n <= all {
+                    best = (from, to, gained);
                 }
             }
         }
-        let (start, end, sum, gained) = best?;
-        let inside = mean + sum / (end + 1 - start) as f64;
-        let outside = mean - sum / (count - end - 1 + start) as f64;
-        let between = |k: usize| 0.5 * f64::from(along[k].0 + along[k + 1].0);
+        let (from, to, gained) = best;
+        if to == 0 {
+            return None;
+        }
+        let (n, sum) = (before[to].0 - before[from].0, f64::from(before[to].1 - before[from].1));
+        let (inside, outside) = (self.mean + sum / n as f64, self.mean - sum / (all - n) as f64);
+        let distance = |place: usize| f64::from(place as f32 / PLACES_PER_PX - self.reach);
         let normal = Vector2::new(cosine, sine);
-        let squares = along.iter().map(|(_, value)| (f64::from(*value) - mean).powi(2)).sum::<f64>();
-        let (border, level) = if start > 0 {
-            let (from, to) = (between(start - 1), between(end));
-            (Border { normal, distance: from, width: to - from, height: inside - outside }, outside)
-        } else if 2 * (end + 1) <= count {
+        let (border, level) = if from > 0 {
+            let width = distance(to) - distance(from);
+            (Border { normal, distance: distance(from), width, height: inside - outside }, outside)
+        } else if 2 * n <= all {
             // The other ground is the one of which there is less.
-            (Border { normal: -normal, distance: -between(end), width: ENDLESS_PX, height: inside - outside }, outside)
+            (Border { normal: -normal, distance: -distance(to), width: ENDLESS_PX, height: inside - outside }, outside)
         } else {
-            (Border { normal, distance: between(end), width: ENDLESS_PX, height: outside - inside }, inside)
+            (Border { normal, distance: distance(to), width: ENDLESS_PX, height: outside - inside }, inside)
         };
-        Some(Split { border, level, left: squares - gained })
+        Some(Split { border, level, left: self.squares - f64::from(gained) })
     }
+}
+
+/// Rounded down; 0 for what is below.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is what it is for")]
+const fn whole(number: f32) -> usize {
+    number.max(0.0) as usize
 }
 
 impl Split {
@@ -169,6 +230,9 @@ impl Split {
             self.border.normal = (border.normal + across * step[3].clamp(-0.1, 0.1)).normalize();
             if border.width < ENDLESS_PX {
                 self.border.width = (border.width + step[4]).clamp(LEAST_LINE_PX, WIDEST_LINE_PX);
+            }
+            if step[2].abs().max(step[4].abs()) < SETTLED_PX && step[3].abs() < SETTLED_RAD {
+                break;
             }
         }
         Some(self)
