@@ -3,15 +3,20 @@
 //! A disc that lies across it is higher over the one ground than over the other, and of all that spoils a rim this looks most like a disc that
 //! lies elsewhere. Beyond the rim it is plain to see, and straight on it goes behind the disc.
 
+mod placing;
+mod search;
+
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;
-use nalgebra::{Matrix3, Matrix5, Vector2, Vector3, Vector5};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::ellipse::LOGISTIC;
 use super::fit::MIN_NOISE;
 use super::lanes::logistic_fall;
 use crate::detect::ground::{Sample, shortest_third};
 use crate::detect::single;
+use placing::Placer;
+use search::Searcher;
 
 /// A straight border. Beyond it lies another ground, of which there is a wide stretch, or that of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,56 +35,19 @@ pub(super) struct Border {
 const OFF: f64 = 5.0;
 const MIN_SAMPLES: usize = 6;
 
-/// Directions that are tried, over half a turn, and samples that are looked at in each, at most.
-const DIRECTIONS: usize = 24;
-const MAX_SAMPLES: usize = 120;
-
-/// What it leaves of the squares about a level ground, at most, and of those about a slope.
+/// What it leaves of the squares about a level ground, at most, and of those about a slope. At first, where it is placed roughly and is as
+/// sharp as none is, it may leave more.
 const MAX_LEFT: f64 = 0.5;
+const MAX_LEFT_AT_FIRST: f64 = 0.7;
 const MAX_LEFT_OF_SLOPE: f64 = 0.75;
 
 /// Deviation of the blur of a border, px, as lenses about as sharp as pixels have, and how steeply that rises, 1/px.
 const BLUR_PX: f64 = 0.84;
 const STEEP: f64 = LOGISTIC / BLUR_PX;
 
-/// How wide a line is: what is expected, with a deviation of 1 px, the least, the most, and what has no end, px.
-const LINE_PX: f64 = 1.5;
-const LEAST_LINE_PX: f64 = 0.5;
+/// The most that is the width of a line, and what has no end, px.
 const WIDEST_LINE_PX: f64 = 4.0;
 const ENDLESS_PX: f64 = 1e4;
-
-/// Rounds by which it is placed at most, the longest move in each, and the move and turn that end them.
-const ROUNDS: usize = 6;
-const MAX_MOVE_PX: f64 = 0.7;
-const SETTLED_PX: f64 = 0.01;
-const SETTLED_RAD: f64 = 1e-3;
-
-/// Places along a direction that are tried, in a pixel, and over how many of them a line may reach.
-const PLACES_PER_PX: f32 = 2.0;
-const WIDEST_LINE: usize = 8;
-
-/// Finds borders, one after the other in the same memory.
-#[derive(Default)]
-pub(super) struct Finder {
-    values: Vec<f32>,
-    few: Few,
-}
-
-/// Some of the samples.
-#[derive(Default)]
-struct Few {
-    /// Values are from their mean.
-    samples: Vec<Sample>,
-    mean: f64,
-    /// Sum of the squares about it.
-    squares: f64,
-    /// How far they lie from the origin at most, px.
-    reach: f32,
-    /// Of so many samples on one side, what the square of their sum is worth; zero where they are too few.
-    worth: Vec<f32>,
-    /// At each place along a direction, how many samples lie before it, and their sum.
-    before: Vec<(usize, f32)>,
-}
 
 /// Two grounds on either side of a line.
 #[derive(Clone, Copy)]
@@ -89,6 +57,14 @@ struct Split {
     level: f64,
     /// Sum of the squares about both.
     left: f64,
+}
+
+/// Finds borders, one after the other in the same memory.
+#[derive(Default)]
+pub(super) struct Finder {
+    values: Vec<f32>,
+    searcher: Searcher,
+    placer: Placer,
 }
 
 impl Finder {
@@ -104,138 +80,10 @@ impl Finder {
             return None;
         }
         let (level, slope) = squares(beyond)?;
-        self.few.take(beyond);
-        let splits = (0..DIRECTIONS).filter_map(|index| self.few.split(index));
-        let placed = splits.min_by(|a, b| a.left.total_cmp(&b.left))?.placed(beyond, noise)?;
+        let split = self.searcher.best(beyond).filter(|split| split.left < MAX_LEFT_AT_FIRST * level)?;
+        let placed = self.placer.place(split, beyond, noise)?;
         let is_plain = placed.left < MAX_LEFT * level && placed.left < MAX_LEFT_OF_SLOPE * slope;
         (is_plain && placed.border.height.abs() > OFF * noise).then_some((placed.border, placed.level))
-    }
-}
-
-impl Few {
-    fn take(&mut self, samples: &[Sample]) {
-        self.samples.clear();
-        self.samples.extend(samples.iter().step_by(samples.len().div_ceil(MAX_SAMPLES)));
-        let count = self.samples.len();
-        self.mean = self.samples.iter().map(|sample| f64::from(sample.value)).sum::<f64>() / count as f64;
-        (self.squares, self.reach) = (0.0, 0.0);
-        for sample in &mut self.samples {
-            sample.value -= single(self.mean);
-            self.squares += f64::from(sample.value * sample.value);
-            self.reach = self.reach.max(sample.x.hypot(sample.y));
-        }
-        // Of both means, of a stretch and of the rest, about that of all.
-        let worth = |n: usize| {
-            if n.min(count - n) < MIN_SAMPLES { 0.0 } else { (n as f32).recip() + ((count - n) as f32).recip() }
-        };
-        self.worth.clear();
-        self.worth.extend((0..=count).map(worth));
-    }
-
-    /// Counts them at the places along a direction.
-    fn count(&mut self, [right, down]: [f32; 2]) {
-        self.before.clear();
-        self.before.resize(whole(2.0 * self.reach * PLACES_PER_PX) + 3, (0, 0.0));
-        for sample in &self.samples {
-            // Those before the first place are none.
-            let place = &mut self.before[1 + whole((sample.x * right + sample.y * down + self.reach) * PLACES_PER_PX)];
-            *place = (place.0 + 1, place.1 + sample.value);
-        }
-        let (mut count, mut sum) = (0, 0.0);
-        for place in &mut self.before {
-            (count, sum) = (count + place.0, sum + place.1);
-            *place = (count, sum);
-        }
-    }
-
-    /// The best split of the samples across a direction.
-    fn split(&mut self, index: usize) -> Option<Split> {
-        let (sine, cosine) = (std::f64::consts::PI * index as f64 / DIRECTIONS as f64).sin_cos();
-        self.count([cosine, sine].map(single));
-        let (before, all) = (&self.before, self.samples.len());
-        // From where to where, and how much less is left.
-        let mut best = (0, 0, 0.0_f32);
-        for (to, (n, sum)) in before.iter().enumerate() {
-            let gained = sum * sum * self.worth[*n];
-            if gained > best.2 {
-                best = (0, to, gained);
-            }
-        }
-        for (from, (n, sum)) in before.iter().enumerate().skip(1) {
-            for (to, (n_there, sum_there)) in before.iter().enumerate().skip(from + 1).take(WIDEST_LINE) {
-                let (n, sum) = (n_there - n, sum_there - sum);
-                // A line has less than what is beside it.
-                let gained = sum * sum * self.worth[n];
-                if gained > best.2 && 2 * n <= all {
-                    best = (from, to, gained);
-                }
-            }
-        }
-        let (from, to, gained) = best;
-        if to == 0 {
-            return None;
-        }
-        let (n, sum) = (before[to].0 - before[from].0, f64::from(before[to].1 - before[from].1));
-        let (inside, outside) = (self.mean + sum / n as f64, self.mean - sum / (all - n) as f64);
-        let distance = |place: usize| f64::from(place as f32 / PLACES_PER_PX - self.reach);
-        let normal = Vector2::new(cosine, sine);
-        let (border, level) = if from > 0 {
-            let width = distance(to) - distance(from);
-            (Border { normal, distance: distance(from), width, height: inside - outside }, outside)
-        } else if 2 * n <= all {
-            // The other ground is the one of which there is less.
-            (Border { normal: -normal, distance: -distance(to), width: ENDLESS_PX, height: inside - outside }, outside)
-        } else {
-            (Border { normal, distance: distance(to), width: ENDLESS_PX, height: outside - inside }, inside)
-        };
-        Some(Split { border, level, left: self.squares - f64::from(gained) })
-    }
-}
-
-/// Rounded down; 0 for what is below.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is what it is for")]
-const fn whole(number: f32) -> usize {
-    number.max(0.0) as usize
-}
-
-impl Split {
-    /// The same where it is exactly, by Gauss and Newton; what lies on either ground beside it counts less the farther off it is.
-    fn placed(mut self, samples: &[Sample], noise: f64) -> Option<Self> {
-        for _ in 0..ROUNDS {
-            let Self { border, level, .. } = self;
-            let across = Vector2::new(-border.normal.y, border.normal.x);
-            let scale = (3.0 * noise).hypot(0.1 * border.height);
-            let (mut normal, mut right) = (Matrix5::identity() * 1e-9, Vector5::zeros());
-            if border.width < ENDLESS_PX {
-                normal.m55 += noise * noise;
-                right[4] += noise * noise * (LINE_PX - border.width);
-            }
-            self.left = 0.0;
-            for sample in samples {
-                let at = Vector2::new(f64::from(sample.x), f64::from(sample.y));
-                let past = border.normal.dot(&at) - border.distance;
-                let [from, to] = [past, past - border.width].map(|past| 1.0 / (1.0 + (-STEEP * past).exp()));
-                let [begin, end] = [from, to].map(|share| border.height * STEEP * share * (1.0 - share));
-                let off = f64::from(sample.value) - level - border.height * (from - to);
-                let by = Vector5::new(1.0, from - to, end - begin, (begin - end) * across.dot(&at), end);
-                let weight = 1.0 / (1.0 + (off / scale).powi(2));
-                normal += by * by.transpose() * weight;
-                right += by * (weight * off);
-                self.left += off * off;
-            }
-            let step = normal.cholesky()?.solve(&right);
-            self.level += step[0];
-            self.border.height += step[1];
-            self.border.distance += step[2].clamp(-MAX_MOVE_PX, MAX_MOVE_PX);
-            self.border.normal = (border.normal + across * step[3].clamp(-0.1, 0.1)).normalize();
-            if border.width < ENDLESS_PX {
-                self.border.width = (border.width + step[4]).clamp(LEAST_LINE_PX, WIDEST_LINE_PX);
-            }
-            if step[2].abs().max(step[4].abs()) < SETTLED_PX && step[3].abs() < SETTLED_RAD {
-                break;
-            }
-        }
-        Some(self)
     }
 }
 

@@ -4,7 +4,7 @@
 //! that stretch looks wrong by itself, but all of them together say that the rim lies elsewhere.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{dispatch, f32x8};
+use fearless_simd::{dispatch, f32x8, f64x4};
 use nalgebra::{SMatrix, SVector};
 
 use super::ellipse::FORM;
@@ -87,18 +87,42 @@ impl Rim {
 impl Offsets {
     /// Adds the normal equations of the form.
     pub(super) fn add_to(&self, trust: &Trust, normal: &mut FormMatrix, right: &mut Form) {
-        let weights = self.weights(trust);
-        for (row, form) in self.form.iter().enumerate() {
-            let weighted: [f64; SECTORS] = std::array::from_fn(|k| weights[k] * form[k]);
-            for (column, other) in self.form.iter().enumerate().take(row + 1) {
-                let sum = dot(&weighted, other);
-                normal[(row, column)] += sum;
-                if column < row {
-                    normal[(column, row)] += sum;
-                }
+        let (sums, moments) = dispatch!(*MACHINE, simd => self.products(simd, &self.weights(trust)));
+        for row in 0..FORM {
+            for column in 0..row {
+                normal[(row, column)] += sums[row][column];
+                normal[(column, row)] += sums[row][column];
             }
-            right[row] += dot(&weighted, &self.offset);
+            normal[(row, row)] += sums[row][row];
+            right[row] += moments[row];
         }
+    }
+
+    /// Weighted sums of products of the form's rows, up to the diagonal, and of those with the offsets.
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    fn products<S: Simd>(&self, simd: S, weights: &[f64; SECTORS]) -> ([[f64; FORM]; FORM], [f64; FORM]) {
+        const WIDE: usize = 4;
+        let zero = f64x4::splat(simd, 0.0);
+        let mut sums = [[zero; FORM]; FORM];
+        let mut moments = [zero; FORM];
+        let at = |of: &[f64; SECTORS], start: usize| f64x4::from_slice(simd, &of[start..start + WIDE]);
+        for start in (0..SECTORS).step_by(WIDE) {
+            let (weight, offset) = (at(weights, start), at(&self.offset, start));
+            let form = self.form.each_ref().map(|form| at(form, start));
+            for row in 0..FORM {
+                let weighted = weight * form[row];
+                for (sum, other) in sums[row].iter_mut().zip(&form).take(row + 1) {
+                    *sum += weighted * *other;
+                }
+                moments[row] += weighted * offset;
+            }
+        }
+        let total = |lanes: f64x4<S>| {
+            let [a, b, c, d] = *lanes;
+            (a + b) + (c + d)
+        };
+        (sums.map(|row| row.map(total)), moments.map(total))
     }
 
     /// What each sector counts.
@@ -275,17 +299,6 @@ fn ranked_by<S: Simd>(simd: S, values: &[f32; SECTORS], rank: f32) -> f32 {
     within.fold(zero, SimdBase::max).reduce_max()
 }
 
-/// In four lanes.
-fn dot(a: &[f64; SECTORS], b: &[f64; SECTORS]) -> f64 {
-    let mut sums = [0.0; 4];
-    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
-}
-
 /// The solution of normal equations that may lack a direction. By Cholesky's factors without roots, and in place: thirty of these are
 /// solved for each look at a rim, and of five unknowns that takes half of what it takes of any number.
 pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
@@ -299,6 +312,7 @@ pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
             return None;
         }
         let per_pivot = pivot.recip();
+        normal[(column, column)] = per_pivot;
         for row in column + 1..FORM {
             let factor = normal[(row, column)] * per_pivot;
             for to in column + 1..=row {
@@ -307,11 +321,12 @@ pub(super) fn solved(mut normal: FormMatrix, right: &Form) -> Option<Form> {
             solution[row] -= factor * solution[column];
         }
     }
+    // On the diagonal are the pivots' reciprocals by now.
     for row in (0..FORM).rev() {
         for below in row + 1..FORM {
             solution[row] -= normal[(below, row)] * solution[below];
         }
-        solution[row] /= normal[(row, row)];
+        solution[row] *= normal[(row, row)];
     }
     Some(solution)
 }
