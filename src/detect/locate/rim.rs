@@ -99,7 +99,6 @@ impl Offsets {
     }
 
     /// Weighted sums of products of the form's rows, up to the diagonal, and of those with the offsets.
-    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
     fn products<S: Simd>(&self, simd: S, weights: &[f64; SECTORS]) -> ([[f64; FORM]; FORM], [f64; FORM]) {
         const WIDE: usize = 4;

@@ -1,18 +1,25 @@
 //! Where a border is, roughly: of all directions and places the one that best parts the samples in two.
 
+#![allow(
+    clippy::inline_always,
+    reason = "what is not inlined is not compiled for the instructions of the function that calls it"
+)]
+
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f32x8};
 use nalgebra::Vector2;
 
 use super::{Border, ENDLESS_PX, MIN_SAMPLES, Split};
 use crate::detect::ground::Sample;
-use crate::detect::single;
+use crate::detect::locate::lanes::LANES;
+use crate::detect::{MACHINE, single};
 
 /// Directions that are tried, over half a turn, and samples that are looked at in each, at most.
 const DIRECTIONS: usize = 16;
 const MAX_SAMPLES: usize = 120;
 
-/// Places along a direction that are tried, in a pixel, and over how many of them a line may reach.
+/// Places along a direction that are tried, in a pixel. A line reaches over as many of them as there are lanes at most.
 const PLACES_PER_PX: f32 = 2.0;
-const WIDEST_LINE: usize = 8;
 
 /// Looks for the border that parts some of the samples.
 #[derive(Default)]
@@ -24,10 +31,17 @@ pub(super) struct Searcher {
     squares: f64,
     /// How far they lie from the origin at most, px.
     reach: f32,
-    /// Of so many samples on one side, what the square of their sum is worth; zero where they are too few.
-    worth: Vec<f32>,
     /// At each place along a direction, how many samples lie before it, and their sum.
-    before: Vec<(usize, f32)>,
+    counts: Vec<f32>,
+    sums: Vec<f32>,
+}
+
+/// From which place to which samples are parted from the others, and how much less is left of their squares.
+#[derive(Clone, Copy)]
+struct Stretch {
+    from: usize,
+    to: usize,
+    gained: f32,
 }
 
 impl Searcher {
@@ -48,27 +62,28 @@ impl Searcher {
             self.squares += f64::from(sample.value * sample.value);
             self.reach = self.reach.max(sample.x.hypot(sample.y));
         }
-        // Of both means, of a stretch and of the rest, about that of all.
-        let worth = |n: usize| {
-            if n.min(count - n) < MIN_SAMPLES { 0.0 } else { (n as f32).recip() + ((count - n) as f32).recip() }
-        };
-        self.worth.clear();
-        self.worth.extend((0..=count).map(worth));
     }
 
     /// Counts them at the places along a direction.
     fn count(&mut self, [right, down]: [f32; 2]) {
-        self.before.clear();
-        self.before.resize(whole(2.0 * self.reach * PLACES_PER_PX) + 3, (0, 0.0));
+        let places = whole(2.0 * self.reach * PLACES_PER_PX) + 3;
+        for of in [&mut self.counts, &mut self.sums] {
+            of.clear();
+            // Behind the last place there is nothing more, however far one looks.
+            of.resize(places + LANES, 0.0);
+        }
         for sample in &self.samples {
             // Those before the first place are none.
-            let place = &mut self.before[1 + whole((sample.x * right + sample.y * down + self.reach) * PLACES_PER_PX)];
-            *place = (place.0 + 1, place.1 + sample.value);
+            let place = 1 + whole((sample.x * right + sample.y * down + self.reach) * PLACES_PER_PX);
+            self.counts[place] += 1.0;
+            self.sums[place] += sample.value;
         }
-        let (mut count, mut sum) = (0, 0.0);
-        for place in &mut self.before {
-            (count, sum) = (count + place.0, sum + place.1);
-            *place = (count, sum);
+        for of in [&mut self.counts, &mut self.sums] {
+            let mut before = 0.0;
+            for place in of {
+                before += *place;
+                *place = before;
+            }
         }
     }
 
@@ -76,43 +91,63 @@ impl Searcher {
     fn split(&mut self, index: usize) -> Option<Split> {
         let (sine, cosine) = (std::f64::consts::PI * index as f64 / DIRECTIONS as f64).sin_cos();
         self.count([cosine, sine].map(single));
-        let (before, all) = (&self.before, self.samples.len());
-        // From where to where, and how much less is left.
-        let mut best = (0, 0, 0.0_f32);
-        for (to, (n, sum)) in before.iter().enumerate() {
-            let gained = sum * sum * self.worth[*n];
-            if gained > best.2 {
-                best = (0, to, gained);
-            }
-        }
-        for (from, (n, sum)) in before.iter().enumerate().skip(1) {
-            for (to, (n_there, sum_there)) in before.iter().enumerate().skip(from + 1).take(WIDEST_LINE) {
-                let (n, sum) = (n_there - n, sum_there - sum);
-                // A line has less than what is beside it.
-                let gained = sum * sum * self.worth[n];
-                if gained > best.2 && 2 * n <= all {
-                    best = (from, to, gained);
-                }
-            }
-        }
-        let (from, to, gained) = best;
-        if to == 0 {
-            return None;
-        }
-        let (n, sum) = (before[to].0 - before[from].0, f64::from(before[to].1 - before[from].1));
-        let (inside, outside) = (self.mean + sum / n as f64, self.mean - sum / (all - n) as f64);
+        let Stretch { from, to, gained } = dispatch!(*MACHINE, simd => best_stretch(simd, &self.counts, &self.sums))?;
+        let all = self.samples.len() as f64;
+        let (n, sum) = (f64::from(self.counts[to] - self.counts[from]), f64::from(self.sums[to] - self.sums[from]));
+        let (inside, outside) = (self.mean + sum / n, self.mean - sum / (all - n));
         let distance = |place: usize| f64::from(place as f32 / PLACES_PER_PX - self.reach);
         let normal = Vector2::new(cosine, sine);
         let (border, level) = if from > 0 {
             let width = distance(to) - distance(from);
             (Border { normal, distance: distance(from), width, height: inside - outside }, outside)
-        } else if 2 * n <= all {
+        } else if 2.0 * n <= all {
             // The other ground is the one of which there is less.
             (Border { normal: -normal, distance: -distance(to), width: ENDLESS_PX, height: inside - outside }, outside)
         } else {
             (Border { normal, distance: distance(to), width: ENDLESS_PX, height: outside - inside }, inside)
         };
         Some(Split { border, level, left: self.squares - f64::from(gained) })
+    }
+}
+
+/// The best of all borders, which part what is before a place, and of all lines, which part what is between two and less than the rest.
+#[inline(always)]
+fn best_stretch<S: Simd>(simd: S, counts: &[f32], sums: &[f32]) -> Option<Stretch> {
+    let places = counts.len() - LANES;
+    let all = counts[places];
+    let zero = f32x8::splat(simd, 0.0);
+    let mut best = Best { gained: zero, from: zero, to: zero };
+    for to in (1..places).step_by(LANES) {
+        best.look(simd, counts, sums, [0, to], all);
+    }
+    for from in 1..places {
+        best.look(simd, counts, sums, [from, from + 1], 0.5 * all);
+    }
+    let (lane, gained) = best.gained.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (gained > 0.0).then(|| Stretch { from: whole(best.from[lane]), to: whole(best.to[lane]) + lane, gained })
+}
+
+/// The best stretch of each lane; where it ends is a place further with each lane.
+struct Best<S: Simd> {
+    gained: f32x8<S>,
+    from: f32x8<S>,
+    to: f32x8<S>,
+}
+
+impl<S: Simd> Best<S> {
+    /// Looks at the stretches from one place to each of eight, of which none is to have more than `most` samples.
+    #[inline(always)]
+    fn look(&mut self, simd: S, counts: &[f32], sums: &[f32], [from, to]: [usize; 2], most: f32) {
+        let n = f32x8::from_slice(simd, &counts[to..to + LANES]) - counts[from];
+        let sum = f32x8::from_slice(simd, &sums[to..to + LANES]) - sums[from];
+        let others = -n + counts[counts.len() - 1];
+        // Of both means, of the stretch and of the rest, about that of all.
+        let gained = sum * sum * counts[counts.len() - 1] / (n * others).max(1.0);
+        let is_enough = n.simd_ge(MIN_SAMPLES as f32) & others.simd_ge(MIN_SAMPLES as f32);
+        let is_better = is_enough & n.simd_le(most) & gained.simd_gt(self.gained);
+        self.gained = is_better.select(gained, self.gained);
+        self.from = is_better.select(f32x8::splat(simd, from as f32), self.from);
+        self.to = is_better.select(f32x8::splat(simd, to as f32), self.to);
     }
 }
 
