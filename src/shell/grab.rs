@@ -31,7 +31,7 @@ pub use error::GrabError;
 pub use interrupt::is_interrupted;
 pub use source::Source;
 
-use crate::frame::{Frame, Limits, Orientation};
+use crate::frame::{Frame, Limits, Orientation, Wanted};
 use child::Running;
 use log::{Log, LogReader};
 use reader::{Dropped, Reader};
@@ -49,6 +49,8 @@ pub struct Options {
     pub input: Vec<(String, String)>,
     /// When the first frame was taken, microseconds since the Unix epoch; what the source says, if none.
     pub start_us: Option<i64>,
+    /// What of the frames is needed: where luma is enough, their colours are not read.
+    pub wanted: Wanted,
     /// What a frame may cost.
     pub limits: Limits,
     /// Frames that may wait to be fetched.
@@ -65,6 +67,7 @@ impl Default for Options {
             apply_orientation: false,
             input: Vec::new(),
             start_us: None,
+            wanted: Wanted::Native,
             limits: Limits::default(),
             // One is worked on, one waits, one is being read.
             ahead: 1,

@@ -5,6 +5,7 @@
 //! the contrast around it, so trees do not outvote clouds and a large target does not outvote the sky; what moves on its own is weighed
 //! down (Cauchy's weights).
 
+use multiversion::multiversion;
 use nalgebra::{Matrix4, Vector4};
 
 use super::cells::Cells;
@@ -64,7 +65,7 @@ const POINTS_ACROSS: usize = 40;
 const QUIET: f32 = 200.0;
 
 /// Slopes below this tell nothing, in steps of the levels across two pixels: half a gray level.
-const LEAST_SLOPE: i32 = 100;
+const LEAST_SLOPE: u32 = 100;
 
 /// A pixel of steep slope.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +82,9 @@ struct Point {
 #[derive(Clone, Debug, Default)]
 pub struct Aligner {
     points: Vec<Point>,
+    /// Of the pixels of a row, how steep it is there, and the steepest pixel of each block.
+    slopes: Vec<u32>,
+    steepest: Vec<(u32, [usize; 2])>,
     /// Of each point at the motion that is looked at; not a number where the point was not in the frame before.
     residuals: Vec<f32>,
 }
@@ -139,25 +143,28 @@ impl Aligner {
         let scale = (1 << index) as f32;
         let middle = size.map(|side| single(0.5 * side));
         for top in (1..height - 1).step_by(block) {
-            for left in (1..width - 1).step_by(block) {
-                let mut best = (-1_i32, 0, 0, 0, 0);
-                for y in (top..(top + block).min(height - 1)).step_by(1 + usize::from(block > 4)) {
-                    let above = &level.contrast[(y - 1) * width..][..width];
-                    let row = &level.contrast[y * width..][..width];
-                    let below = &level.contrast[(y + 1) * width..][..width];
-                    for x in left..(left + block).min(width - 1) {
-                        let across = i32::from(row[x + 1]) - i32::from(row[x - 1]);
-                        let down = i32::from(below[x]) - i32::from(above[x]);
-                        let steep = across.abs() + down.abs();
-                        if steep > best.0 {
-                            best = (steep, x, y, across, down);
-                        }
+            self.steepest.clear();
+            self.steepest.resize((width - 2).div_ceil(block), (0, [0; 2]));
+            for y in (top..(top + block).min(height - 1)).step_by(1 + usize::from(block > 4)) {
+                let row = |y: usize| &level.contrast[y * width..][..width];
+                self.slopes.resize(width - 2, 0);
+                slopes([row(y - 1), row(y), row(y + 1)], &mut self.slopes);
+                for ((best, at), (left, slopes)) in
+                    self.steepest.iter_mut().zip((1..).step_by(block).zip(self.slopes.chunks(block)))
+                {
+                    let most = slopes.iter().copied().fold(0, u32::max);
+                    if most > *best {
+                        let x = slopes.iter().position(|slope| *slope == most).unwrap_or_default();
+                        (*best, *at) = (most, [left + x, y]);
                     }
                 }
-                let (steepest, x, y, across, down) = best;
+            }
+            for &(steepest, [x, y]) in &self.steepest {
                 if steepest < LEAST_SLOPE {
                     continue;
                 }
+                let value = |x: usize, y: usize| i32::from(level.contrast[y * width + x]);
+                let (across, down) = (value(x + 1, y) - value(x - 1, y), value(x, y + 1) - value(x, y - 1));
                 // From the frame's middle, in px of the frame.
                 let u = (x as f32 + 0.5) * scale - middle[0];
                 let v = (y as f32 + 0.5) * scale - middle[1];
@@ -275,6 +282,15 @@ impl Aligner {
             zoom: motion.zoom - step[2] / half,
             turn: motion.turn - step[3] / half,
         }
+    }
+}
+
+/// How steep it is at the pixels of a row that have a neighbour on either side: across and down together.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn slopes([above, row, below]: [&[i16]; 3], out: &mut [u32]) {
+    let down = above[1..].iter().zip(&below[1..]);
+    for ((out, (left, right)), (above, below)) in out.iter_mut().zip(row.iter().zip(&row[2..])).zip(down) {
+        *out = i32::from(*left).abs_diff(i32::from(*right)) + i32::from(*above).abs_diff(i32::from(*below));
     }
 }
 

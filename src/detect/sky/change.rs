@@ -59,36 +59,70 @@ impl Change {
     }
 }
 
+/// Pixels of a row that are compared with past ones beside each other, at the same part of a pixel.
+#[derive(Clone, Copy)]
+struct Run {
+    start: usize,
+    end: usize,
+    /// Where the first one was: the pixel up and left of it, and how far beyond that, in 1/128 px.
+    at: usize,
+    fraction: [u32; 2],
+}
+
+impl Run {
+    /// The block from `start` on, if it was in the past picture.
+    fn of_block(start: usize, y: usize, size: [usize; 2], past: impl Fn([f64; 2]) -> [f64; 2]) -> Option<Self> {
+        let [width, height] = size;
+        let count = BLOCK.min(width - 1 - start);
+        let [dx, dy] = past([start as f64 + 0.5 * count as f64, y as f64 + 0.5]);
+        let (column, row) = (start as f64 + dx.floor(), y as f64 + dy.floor());
+        let fits =
+            column >= 0.0 && row >= 0.0 && column + count as f64 + 1.0 <= width as f64 && row + 2.0 <= height as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1 in 1/128")]
+        let fraction = [(dx - dx.floor()) * 128.0, (dy - dy.floor()) * 128.0].map(|part| part as u32);
+        fits.then(|| Self { start, end: start + count, at: whole(row) * width + whole(column), fraction })
+    }
+
+    /// This one and the next as one, if that goes on where this one ends.
+    fn joined(&self, next: &Self) -> Option<Self> {
+        let goes_on = next.start == self.end && next.at == self.at + self.end - self.start;
+        (goes_on && next.fraction == self.fraction).then_some(Self { end: next.end, ..*self })
+    }
+}
+
 fn compare(level: &Level, past: &[u16], motion: &CameraMotion, scale: f64, frame: [usize; 2], out: &mut [u16]) {
     let (width, height) = (level.width, level.height);
     let middle = [0.5 * frame[0] as f64, 0.5 * frame[1] as f64];
+    // How far from a place of the level its past place lies.
+    let shift = |[x, y]: [f64; 2]| {
+        let here = [x * scale - middle[0], y * scale - middle[1]];
+        let [u, v] = motion.apply(here);
+        [(u - here[0]) / scale, (v - here[1]) / scale]
+    };
     for y in 1..height.saturating_sub(1) {
-        let mut x = 1;
-        while x + 1 < width {
-            let count = BLOCK.min(width - 1 - x);
-            let centre = [(x as f64 + 0.5 * count as f64) * scale - middle[0], (y as f64 + 0.5) * scale - middle[1]];
-            let [u, v] = motion.apply(centre);
-            let [dx, dy] = [(u - centre[0]) / scale, (v - centre[1]) / scale];
-            let (column, row) = (x as f64 + dx.floor(), y as f64 + dy.floor());
-            let fits = column >= 0.0
-                && row >= 0.0
-                && column + count as f64 + 1.0 <= width as f64
-                && row + 2.0 <= height as f64;
-            if fits {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1 in 1/128")]
-                let fraction = [(dx - dx.floor()) * 128.0, (dy - dy.floor()) * 128.0].map(|part| part as u32);
-                let at = whole(row) * width + whole(column);
-                let here = y * width + x;
-                compare_run(
-                    [&level.smooth[here - width..], &level.smooth[here - 1..], &level.smooth[here + width..]],
-                    &level.contrast[here..here + count],
-                    [&past[at..], &past[at + width..]],
-                    fraction,
-                    &mut out[here..here + count],
-                );
-            }
-            x += count;
+        let mut compare = |run: Run| {
+            let (here, count) = (y * width + run.start, run.end - run.start);
+            compare_run(
+                [&level.smooth[here - width..], &level.smooth[here - 1..], &level.smooth[here + width..]],
+                &level.contrast[here..here + count],
+                [&past[run.at..], &past[run.at + width..]],
+                run.fraction,
+                &mut out[here..here + count],
+            );
+        };
+        let mut open: Option<Run> = None;
+        for start in (1..width.saturating_sub(1)).step_by(BLOCK) {
+            let Some(next) = Run::of_block(start, y, [width, height], shift) else { continue };
+            open = match open.map(|run| (run, run.joined(&next))) {
+                None => Some(next),
+                Some((_, Some(longer))) => Some(longer),
+                Some((run, None)) => {
+                    compare(run);
+                    Some(next)
+                }
+            };
         }
+        open.into_iter().for_each(compare);
     }
 }
 

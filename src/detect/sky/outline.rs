@@ -1,6 +1,10 @@
 //! What belongs to a peak: the pixels around it that stand out from the background at least half as much.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, u16x32};
+
 use super::level::Level;
+use crate::detect::MACHINE;
 
 /// How far a thing may reach from its peak, px of its level.
 const REACH: usize = 12;
@@ -76,8 +80,7 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     }
     let half = 0.5 * contrast;
     let window = Window::around(level, x, y);
-    let over = |value: u16| signed(f32::from(value) - background) > 0.25 * contrast;
-    let filled = window.filled(level, [x, y], over);
+    let filled = window.filled(level, [x, y], Beyond::of(background, 0.25 * contrast, is_bright));
     let (mut weight, mut sum) = (0.0_f32, [0.0_f32; 2]);
     let mut bounds = [x, y, x + 1, y + 1];
     let mut area = 0.0_f32;
@@ -121,6 +124,52 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     })
 }
 
+/// What stands out far enough.
+#[derive(Clone, Copy, Debug)]
+enum Beyond {
+    Above(u16),
+    Below(u16),
+}
+
+/// Values that are looked at together: a row of the window and more.
+const WIDE: usize = 32;
+
+impl Beyond {
+    /// More than `contrast` above or below the background.
+    fn of(background: f32, contrast: f32, is_bright: bool) -> Self {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to what a pixel may be")]
+        let whole = |limit: f32| limit.clamp(0.0, f32::from(u16::MAX)) as u16;
+        if is_bright {
+            Self::Above(whole((background + contrast).floor()))
+        } else {
+            Self::Below(whole((background - contrast).ceil()))
+        }
+    }
+
+    /// A bit for each of the first values that is, the lowest for the very first.
+    fn first(self, values: &[u16]) -> u32 {
+        if let Some(line) = values.first_chunk() {
+            return dispatch!(*MACHINE, simd => self.bits(simd, line));
+        }
+        let mut line = [0; WIDE];
+        line[..values.len()].copy_from_slice(values);
+        dispatch!(*MACHINE, simd => self.bits(simd, &line))
+    }
+
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    fn bits<S: Simd>(self, simd: S, line: &[u16; WIDE]) -> u32 {
+        let values = u16x32::from_slice(simd, line);
+        let mask = match self {
+            Self::Above(limit) => values.simd_gt(limit),
+            Self::Below(limit) => values.simd_lt(limit),
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "a bit for each of 32 values")]
+        let bits = mask.to_bitmask() as u32;
+        bits
+    }
+}
+
 /// The pixels that a thing may reach. A row of it is a number whose lowest bit is the leftmost pixel.
 #[derive(Clone, Copy)]
 struct Window {
@@ -140,12 +189,13 @@ impl Window {
         }
     }
 
-    /// What hangs together with a pixel, side by side, of those for which `over` holds; the pixel itself in any case.
-    fn filled(&self, level: &Level, [x, y]: [usize; 2], over: impl Fn(u16) -> bool) -> [u32; SIDE] {
+    /// What hangs together with a pixel, side by side, of those that are `beyond`; the pixel itself in any case.
+    fn filled(&self, level: &Level, [x, y]: [usize; 2], beyond: Beyond) -> [u32; SIDE] {
         let rows = self.bottom - self.top;
+        let columns = u32::MAX >> (u32::BITS as usize - (self.right - self.left));
         let mask = |row: usize| {
-            let line = &level.smooth[(self.top + row) * level.width..][self.left..self.right];
-            line.iter().enumerate().fold(0_u32, |bits, (column, value)| bits | u32::from(over(*value)) << column)
+            let start = (self.top + row) * level.width + self.left;
+            beyond.first(&level.smooth[start..]) & columns
         };
         let mut filled = [0_u32; SIDE];
         // Rows are looked at when a neighbour reaches them.
@@ -234,12 +284,15 @@ mod tests {
             let share = rng.random_range(0.2..0.95);
             let mut level = Level::default();
             (level.width, level.height) = (width, height);
-            level.smooth = (0..width * height).map(|_| u16::from(rng.random_bool(share))).collect();
+            level.smooth = (0..width * height).map(|_| 700 + u16::from(rng.random_bool(share))).collect();
             let [x, y] = [rng.random_range(0..width), rng.random_range(0..height)];
             let window = Window::around(&level, x, y);
-            let over = |value: u16| value > 0;
-            let (found, truth) = (window.filled(&level, [x, y], over), slow(&window, &level, [x, y], over));
-            assert_eq!(found, truth, "{index}: {width} x {height} from {x}, {y}");
+            for is_bright in [true, false] {
+                let over = |value: u16| (value > 700) == is_bright;
+                let beyond = Beyond::of(if is_bright { 700.0 } else { 701.0 }, 0.5, is_bright);
+                let (found, truth) = (window.filled(&level, [x, y], beyond), slow(&window, &level, [x, y], over));
+                assert_eq!(found, truth, "{index}: {width} x {height} from {x}, {y}, {beyond:?}");
+            }
         }
     }
 }

@@ -76,8 +76,8 @@ impl Silhouettes {
                     raise_lines(&mut self.lines, &contrast[..level.width.min(contrast.len())]);
                 }
             }
-            self.pooled.clear();
-            self.pooled.extend(self.lines.chunks_exact(side).map(|few| few.iter().copied().fold(0, u16::max)));
+            self.pooled.resize(level.width / side, 0);
+            pool(&self.lines, &mut self.pooled, side);
             let map = &mut self.map[row * self.columns..][..self.columns];
             let span = (SIDE << index) / SQUARE;
             for (block, few) in map.chunks_mut(span).enumerate() {
@@ -251,6 +251,24 @@ fn root(parents: &mut [u32], mut label: u32) -> u32 {
 fn raise_lines(most: &mut [u16], contrast: &[i16]) {
     for (most, contrast) in most.iter_mut().zip(contrast) {
         *most = (*most).max(contrast.unsigned_abs());
+    }
+}
+
+/// The most of every `side` values.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn pool(values: &[u16], most: &mut [u16], side: usize) {
+    match side {
+        4 => {
+            for (most, [a, b, c, d]) in most.iter_mut().zip(values.as_chunks::<4>().0) {
+                *most = (*a).max(*b).max((*c).max(*d));
+            }
+        }
+        2 => {
+            for (most, [a, b]) in most.iter_mut().zip(values.as_chunks::<2>().0) {
+                *most = (*a).max(*b);
+            }
+        }
+        _ => most.copy_from_slice(&values[..most.len()]),
     }
 }
 

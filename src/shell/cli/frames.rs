@@ -288,8 +288,9 @@ fn run(
             // What lasted in one video tells nothing of the next.
             looking.memory = Memory::new(true, persistence);
             let source = Source::of(&job.path);
-            let task = in_sequence(task.clone(), &source.to_string());
-            looking.at_video(&source, task, &grabbing)?;
+            let task = if frames.annotate.is_some() { task.clone().shown() } else { task.clone() };
+            let grabbing = Options { wanted: task.wanted(), ..grabbing.clone() };
+            looking.at_video(&source, in_sequence(task, &source.to_string()), &grabbing)?;
         } else {
             let source = Asked { source: &job.path.display().to_string(), line: job.line.as_deref() };
             let answer = task.and_then(|task| {

@@ -3,6 +3,7 @@
 use std::process::{Command, Stdio};
 
 use super::{Options, Source};
+use crate::frame::Wanted;
 
 /// What is done about interlaced video, whose frames show two moments in alternate rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -67,7 +68,10 @@ fn filters(options: &Options) -> String {
     }
     // The colour space of `Pixels::YCbCr`; planes that are in it already pass as they are.
     filters.push("scale=out_color_matrix=bt601:out_range=full".into());
-    filters.push("format=pix_fmts=yuv420p|yuv422p|yuv444p|gray".into());
+    filters.push(match options.wanted {
+        Wanted::Luma => "format=pix_fmts=gray".into(),
+        Wanted::Native | Wanted::Rgb => "format=pix_fmts=yuv420p|yuv422p|yuv444p|gray".into(),
+    });
     // Every frame's time in the log, in whole microseconds. Only metadata are printed, so each frame gets some.
     filters.push("settb=expr=1/1000000".into());
     filters.push("metadata=mode=add:key=skypose:value=1".into());
@@ -99,5 +103,12 @@ mod tests {
         assert!(filters(&some).starts_with("bwdif=mode=send_frame:deint=interlaced,select='"));
         let never = Options { deinterlace: Deinterlace::Never, ..Options::default() };
         assert!(filters(&never).starts_with("scale="));
+    }
+
+    #[test]
+    fn where_luma_is_enough_no_colours_are_read() {
+        let luma = Options { wanted: Wanted::Luma, ..Options::default() };
+        assert!(filters(&luma).contains(",format=pix_fmts=gray,"), "{}", filters(&luma));
+        assert!(filters(&Options::default()).contains("yuv420p"));
     }
 }

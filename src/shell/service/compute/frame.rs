@@ -200,7 +200,9 @@ impl FrameTask {
     }
 
     /// As the detector wants it, but in colour where people look at it or a hue is learned.
-    const fn wanted(&self) -> Wanted {
+    /// What of its frames is needed.
+    #[must_use]
+    pub const fn wanted(&self) -> Wanted {
         match self.detector.wanted() {
             Wanted::Luma if self.is_shown || self.sample.is_some() => Wanted::Native,
             wanted => wanted,

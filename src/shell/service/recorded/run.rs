@@ -85,7 +85,7 @@ fn video(
     outcome: &mut UnitOutcome,
     go_on: &mut dyn FnMut() -> bool,
 ) -> Result<(), Fault> {
-    let options = Options { limits: terms.limits, ..Options::default() };
+    let options = Options { wanted: unit.task.wanted(), limits: terms.limits, ..Options::default() };
     let last = truths.last_key_value().map_or(0, |(index, _)| *index);
     let mut task = unit.task.clone();
     let mut watch = Watch::new();
