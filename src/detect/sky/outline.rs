@@ -60,12 +60,11 @@ pub fn outline(level: &Level, x: usize, y: usize) -> Option<Outline> {
     let (width, height) = (level.width, level.height);
     let is_bright = level.contrast[y * width + x] > 0;
     let signed = |value: f32| if is_bright { value } else { -value };
+    // The pixel that is nearest, of those of the level.
     let clamped = |dx: f32, dy: f32| {
-        let column = (x as f32 + dx).round().clamp(0.0, (width - 1) as f32);
-        let row = (y as f32 + dy).round().clamp(0.0, (height - 1) as f32);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the level")]
-        let index = row as usize * width + column as usize;
-        f32::from(level.smooth[index])
+        let nearest = |along: f32, side: usize| (along.clamp(0.0, (side - 1) as f32) + 0.5) as usize;
+        f32::from(level.smooth[nearest(y as f32 + dy, height) * width + nearest(x as f32 + dx, width)])
     };
     let mut ring = DIRECTIONS.map(|[dx, dy]| clamped(dx * REACH as f32, dy * REACH as f32));
     ring.sort_by(f32::total_cmp);

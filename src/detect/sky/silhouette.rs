@@ -43,6 +43,7 @@ pub struct Silhouettes {
     pub map: Vec<f32>,
     lines: Vec<u16>,
     pooled: Vec<u16>,
+    scales: Vec<f32>,
     wide: Vec<bool>,
     labels: Vec<u32>,
     parents: Vec<u32>,
@@ -68,25 +69,30 @@ impl Silhouettes {
     /// level are narrow, and may be the thing itself.
     fn raise(&mut self, level: &Level, index: usize, cells: &[Cells], floor: f32) {
         let side = SQUARE >> index;
+        let span = (SIDE << index) / SQUARE;
         self.lines.resize(level.width, 0);
+        self.pooled.resize(level.width / side, 0);
         for row in 0..self.rows {
+            let y = row * side;
+            // One for each cell, and the next row of cells has its own.
+            if y.is_multiple_of(SIDE) {
+                let clutter =
+                    |x: usize, above: usize| cells[above].clutter_at(x >> (above - index), y >> (above - index));
+                let least =
+                    |x| (index..cells.len().min(LEVELS + 1)).map(|above| clutter(x, above)).fold(f32::MAX, f32::min);
+                self.scales.clear();
+                self.scales.extend((0..self.columns.div_ceil(span)).map(|block| 1.0 / (least(block * SIDE) + floor)));
+            }
             self.lines.fill(0);
-            for line in 0..side {
-                if let Some(contrast) = level.contrast.get((row * side + line) * level.width..) {
+            for line in y..y + side {
+                if let Some(contrast) = level.contrast.get(line * level.width..) {
                     raise_lines(&mut self.lines, &contrast[..level.width.min(contrast.len())]);
                 }
             }
-            self.pooled.resize(level.width / side, 0);
             pool(&self.lines, &mut self.pooled, side);
-            let map = &mut self.map[row * self.columns..][..self.columns];
-            let span = (SIDE << index) / SQUARE;
-            for (block, few) in map.chunks_mut(span).enumerate() {
-                let (x, y) = (block * SIDE, row * side);
-                let clutter = (index..cells.len().min(LEVELS + 1))
-                    .map(|above| cells[above].clutter_at(x >> (above - index), y >> (above - index)))
-                    .fold(f32::MAX, f32::min);
-                let scale = 1.0 / (clutter + floor);
-                for (ratio, most) in few.iter_mut().zip(self.pooled.get(block * span..).unwrap_or_default()) {
+            let blocks = self.map[row * self.columns..][..self.columns].chunks_mut(span).zip(self.pooled.chunks(span));
+            for ((ratios, most), scale) in blocks.zip(&self.scales) {
+                for (ratio, most) in ratios.iter_mut().zip(most) {
                     *ratio = ratio.max(f32::from(*most) * scale);
                 }
             }
@@ -99,8 +105,8 @@ impl Silhouettes {
         self.wide.clear();
         self.wide.resize(columns * rows, false);
         for row in 0..rows {
-            for column in 0..columns {
-                if self.map[row * columns + column] > RATIOS[0] {
+            for (column, ratio) in self.map[row * columns..][..columns].iter().enumerate() {
+                if *ratio > RATIOS[0] {
                     let (left, right) = (column.saturating_sub(1), (column + 2).min(columns));
                     for line in row.saturating_sub(1)..(row + 2).min(rows) {
                         self.wide[line * columns + left..line * columns + right].fill(true);
@@ -112,6 +118,9 @@ impl Silhouettes {
         self.labels.resize(columns * rows, u32::MAX);
         self.parents.clear();
         for row in 0..rows {
+            if !self.wide[row * columns..][..columns].contains(&true) {
+                continue;
+            }
             for column in 0..columns {
                 let at = row * columns + column;
                 if !self.wide[at] {
@@ -138,8 +147,7 @@ impl Silhouettes {
         self.pieces.clear();
         self.pieces.resize(self.parents.len(), Piece::default());
         for row in 0..rows {
-            for column in 0..columns {
-                let ratio = self.map[row * columns + column];
+            for (column, &ratio) in self.map[row * columns..][..columns].iter().enumerate() {
                 if ratio > RATIOS[0] {
                     let label = root(&mut self.parents, self.labels[row * columns + column]);
                     self.pieces[label as usize].add(column, row, ratio);
