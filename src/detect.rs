@@ -204,8 +204,8 @@ impl Detector {
     #[must_use]
     pub const fn wanted(&self) -> Wanted {
         match self {
-            Self::Beacon(BeaconOptions { hue: None, .. }) => Wanted::Luma,
-            Self::Color(_) | Self::Beacon(_) | Self::Sky(_) => Wanted::Native,
+            Self::Beacon(BeaconOptions { hue: None, .. }) | Self::Sky(_) => Wanted::Luma,
+            Self::Color(_) | Self::Beacon(_) => Wanted::Native,
             Self::Thesis | Self::Edge(_) => Wanted::Rgb,
         }
     }

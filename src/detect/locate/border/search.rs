@@ -123,7 +123,8 @@ fn best_stretch<S: Simd>(simd: S, counts: &[f32], sums: &[f32]) -> Option<Stretc
     for from in 1..places {
         best.look(simd, counts, sums, [from, from + 1], 0.5 * all);
     }
-    let (lane, gained) = best.gained.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    // The first of equal ones.
+    let (lane, gained) = best.gained.iter().copied().enumerate().rev().max_by(|a, b| a.1.total_cmp(&b.1))?;
     (gained > 0.0).then(|| Stretch { from: whole(best.from[lane]), to: whole(best.to[lane]) + lane, gained })
 }
 
