@@ -37,16 +37,34 @@ def blobs(mask):
     return cv2.connectedComponentsWithStatsWithAlgorithm(mask, 8, cv2.CV_16U, cv2.CCL_BOLELLI)
 
 
+class Kept:
+    """Pictures of the same size frame after frame, so that none needs new memory."""
+
+    def __init__(self):
+        self.pictures = {}
+
+    def of(self, bgr):
+        size = bgr.shape[:2]
+        return self.pictures.setdefault(size, [np.empty(size, np.uint8) for _ in range(3)])
+
+
+KEPT = Kept()
+
+
+def red_mask(bgr):
+    red, green, mask = KEPT.of(bgr)
+    cv2.extractChannel(bgr, 2, red)
+    cv2.extractChannel(bgr, 1, green)
+    cv2.threshold(cv2.subtract(red, green, red), 40, 255, cv2.THRESH_BINARY, mask)
+    return cv2.morphologyEx(mask, cv2.MORPH_CLOSE, CLOSING, green)
+
+
 def red_difference(bgr, _):
-    difference = cv2.subtract(cv2.extractChannel(bgr, 2), cv2.extractChannel(bgr, 1))
-    _, mask = cv2.threshold(difference, 40, 255, cv2.THRESH_BINARY)
-    return cv2.connectedComponentsWithStats(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, CLOSING), connectivity=8)
+    return cv2.connectedComponentsWithStats(red_mask(bgr), connectivity=8)
 
 
 def red_difference_tuned(bgr, _):
-    difference = cv2.subtract(cv2.extractChannel(bgr, 2), cv2.extractChannel(bgr, 1))
-    _, mask = cv2.threshold(difference, 40, 255, cv2.THRESH_BINARY)
-    return blobs(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, CLOSING))
+    return blobs(red_mask(bgr))
 
 
 def red_in_range(bgr, _):

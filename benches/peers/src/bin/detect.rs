@@ -15,7 +15,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 use skypose::camera::{Camera, Distortion};
-use skypose::detect::{BeaconOptions, Detector, EdgeOptions, detect};
+use skypose::detect::{BeaconOptions, Detector, EdgeOptions, Workspace, detect_with};
 use skypose::frame::{Coding, Decoding, Frame, Pixels, Wanted};
 use skypose::geometry::{CameraFromTarget, rotation};
 use skypose::random;
@@ -54,20 +54,18 @@ fn run(folder: &Path, rounds: usize) -> Result<Times, Box<dyn std::error::Error>
     }
     let interpreter = std::env::var(INTERPRETER).unwrap_or_else(|_| "python3".to_owned());
     let program: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("frames.py");
-    let mut child = Command::new(interpreter)
-        .arg(program)
-        .arg(folder)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()?;
+    let mut child =
+        Command::new(interpreter).arg(program).arg(folder).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
     let mut say = child.stdin.take().ok_or("no pipe")?;
     let mut hear = BufReader::new(child.stdout.take().ok_or("no pipe")?).lines();
     println!("Against {}; {rounds} rounds.\n", hear.next().ok_or("frames.py says nothing")??);
     let mut ours = Times::new();
+    // Frame after frame in the same memory, as the service has it.
+    let mut workspace = Workspace::default();
     // The first round warms up and is not counted.
     for round in 0..=rounds {
         for shot in &shots {
-            let found = shot.times()?;
+            let found = shot.times(&mut workspace)?;
             if round > 0 {
                 let known = ours.entry(shot.name.clone()).or_default();
                 found.into_iter().for_each(|(method, ms)| known.entry(method.to_owned()).or_default().push(ms));
@@ -120,9 +118,10 @@ impl Shot {
         Ok(Self { name: format!("{width}x{height} {shows}"), jpeg, native, rgb })
     }
 
-    fn times(&self) -> Result<Vec<(&'static str, f64)>, Box<dyn std::error::Error>> {
+    fn times(&self, workspace: &mut Workspace) -> Result<Vec<(&'static str, f64)>, Box<dyn std::error::Error>> {
         let (native, rgb, jpeg) = (&self.native, &self.rgb, &self.jpeg);
-        let run = |frame: &Frame, detector: Detector| timed(|| detect(frame, frame.full(), &detector));
+        let mut run =
+            |frame: &Frame, detector: Detector| timed(|| detect_with(workspace, frame, frame.full(), &detector));
         decoded(jpeg, NATIVE)?;
         Ok(vec![
             ("colour: Skypose of YCbCr", run(native, Detector::default())),
