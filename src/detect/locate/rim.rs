@@ -370,4 +370,29 @@ mod tests {
         let expected = least + 12.0 * 25.0 / (10.0 + BEFOREHAND);
         assert!((of(&bent, Form::zeros()) / expected - 1.0).abs() < 1e-6, "{}", of(&bent, Form::zeros()));
     }
+
+    #[test]
+    fn products_are_the_same_in_all_registers() {
+        let of = |k: usize, row: usize| ((k * 37 + row * 11) % 29) as f64 * 0.37 - 4.0;
+        let offsets = Offsets {
+            offset: std::array::from_fn(|k| of(k, 9)),
+            certainty: std::array::from_fn(|k| 1.0 + of(k, 7).abs()),
+            form: [0, 1, 2, 3, 4].map(|row| std::array::from_fn(|k| of(k, row))),
+        };
+        let weights = offsets.weights(&Trust::FULL);
+        let slow = |a: &[f64; SECTORS], b: &[f64; SECTORS]| {
+            let lane = |lane: usize| (lane..SECTORS).step_by(4).map(|k| weights[k] * a[k] * b[k]).sum::<f64>();
+            (lane(0) + lane(1)) + (lane(2) + lane(3))
+        };
+        for level in [*MACHINE, fearless_simd::Level::baseline()] {
+            let (sums, moments) = dispatch!(level, simd => offsets.products(simd, &weights));
+            for row in 0..FORM {
+                for (sum, other) in sums[row].iter().zip(&offsets.form).take(row + 1) {
+                    assert_eq!(sum.to_bits(), slow(&offsets.form[row], other).to_bits(), "{row}");
+                }
+                let expected = slow(&offsets.form[row], &offsets.offset);
+                assert_eq!(moments[row].to_bits(), expected.to_bits(), "{row}");
+            }
+        }
+    }
 }

@@ -301,6 +301,21 @@ mod tests {
     const MOTION: CameraMotion = CameraMotion { shift_px: [3.2, -1.7], zoom: 0.004, turn: -0.003 };
 
     #[test]
+    fn slopes_are_those_of_their_definition() {
+        let row = |seed: i32| -> Vec<i16> {
+            let value = |x: i32| (x * 7919 + seed * 104_729) % 65_536 - 32_768;
+            (0..70).map(|x| i16::try_from(value(x)).expect("of 16 bits")).collect()
+        };
+        let [above, here, below] = [1, 2, 3].map(row);
+        let mut found = vec![0; 68];
+        slopes([&above, &here, &below], &mut found);
+        for x in 1..69 {
+            let [left, right, up, down] = [here[x - 1], here[x + 1], above[x], below[x]].map(i64::from);
+            assert_eq!(i64::from(found[x - 1]), (right - left).abs() + (down - up).abs(), "{x}");
+        }
+    }
+
+    #[test]
     fn a_motion_undone_is_none_and_two_are_one() {
         let place = [101.0, -57.0];
         let back = MOTION.invert(MOTION.apply(place));

@@ -183,4 +183,42 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn blocks_that_are_compared_together_are_the_same_as_one_by_one() {
+        let mut rng = random::named("changed blocks");
+        let (width, height) = (150, 12);
+        let mut level = Level::default();
+        (level.width, level.height) = (width, height);
+        level.smooth = (0..width * height).map(|_| rng.random_range(0..32_640)).collect();
+        level.contrast = (0..width * height).map(|_| rng.random_range(-9000..9000)).collect();
+        let past: Vec<u16> = (0..width * height).map(|_| rng.random_range(0..32_640)).collect();
+        let frame = [2 * width, 2 * height];
+        for (shift_px, zoom, turn) in [([0.0; 2], 0.0, 0.0), ([7.3, -2.9], 0.0, 2e-4), ([-40.2, 3.1], 0.01, -0.02)] {
+            let motion = CameraMotion { shift_px, zoom, turn };
+            let mut together = vec![0; width * height];
+            compare(&level, &past, &motion, 2.0, frame, &mut together);
+            let mut alone = vec![0; width * height];
+            let middle = frame.map(|side| 0.5 * side as f64);
+            let mut count = 0;
+            for y in 1..height - 1 {
+                for start in (1..width - 1).step_by(BLOCK) {
+                    let run = Run::of_block(start, y, [width, height], |[x, y]| {
+                        let here = [2.0 * x - middle[0], 2.0 * y - middle[1]];
+                        let [u, v] = motion.apply(here);
+                        [0.5 * (u - here[0]), 0.5 * (v - here[1])]
+                    });
+                    let Some(Run { end, at, fraction, .. }) = run else { continue };
+                    let here = y * width + start;
+                    let around =
+                        [&level.smooth[here - width..], &level.smooth[here - 1..], &level.smooth[here + width..]];
+                    let (contrast, out) = (&level.contrast[here..][..end - start], &mut alone[here..][..end - start]);
+                    compare_run(around, contrast, [&past[at..], &past[at + width..]], fraction, out);
+                    count += 1;
+                }
+            }
+            assert!(count > 20, "{count}");
+            assert_eq!(together, alone, "{motion:?}");
+        }
+    }
 }

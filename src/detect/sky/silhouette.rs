@@ -321,6 +321,18 @@ mod tests {
     }
 
     #[test]
+    fn what_is_pooled_is_the_most_of_every_few() {
+        let mut rng = random::named("pooled");
+        let values: Vec<u16> = (0..157).map(|_| rng.random()).collect();
+        for side in [1, 2, SQUARE] {
+            let mut found = vec![0; values.len() / side];
+            pool(&values, &mut found, side);
+            let most: Vec<u16> = values.chunks_exact(side).map(|few| few.iter().copied().fold(0, u16::max)).collect();
+            assert_eq!(found, most, "{side}");
+        }
+    }
+
+    #[test]
     fn pieces_are_those_of_filling() {
         let mut rng = random::named("silhouettes");
         for share in [0.01, 0.03, 0.08] {

@@ -129,3 +129,52 @@ impl Octet {
         Self { x: lanes(|s| s.x), y: lanes(|s| s.y), value: lanes(|s| s.value), there: lanes(|_| 1.0) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detect::locate::border::Border;
+
+    const SPLIT: Split = Split {
+        border: Border { normal: Vector2::new(0.6, 0.8), distance: 1.3, width: 2.1, height: -34.0 },
+        level: 140.0,
+        left: 0.0,
+    };
+
+    /// The code that two grounds make at a place, when each of the unknowns is changed by so much.
+    fn code(at: Vector2<f64>, by: &[f64; UNKNOWNS]) -> f64 {
+        let Border { normal, distance, width, height } = SPLIT.border;
+        let normal = (normal + across(&normal) * by[3]).normalize();
+        let past = normal.dot(&at) - distance - by[2];
+        let share = |past: f64| 1.0 / (1.0 + (-STEEP * past).exp());
+        SPLIT.level + by[0] + (height + by[1]) * (share(past) - share(past - width - by[4]))
+    }
+
+    #[test]
+    fn equations_are_those_of_differences_of_the_code_in_all_registers() {
+        const STEP: f64 = 1e-4;
+        for (x, y) in [(0.4, 1.1), (-1.2, 2.6), (3.1, 0.9), (2.0, 3.5)] {
+            let at = Vector2::new(x, y);
+            // Seven codes too high, which the weight knows.
+            let value = code(at, &[0.0; UNKNOWNS]) + 7.0;
+            let octets = [Octet::of(&[Sample { x: single(x), y: single(y), value: single(value) }])];
+            let weight = 1.0 / (1.0 + (7.0 / 6.0_f64.hypot(3.4)).powi(2));
+            let slopes: [f64; UNKNOWNS] = std::array::from_fn(|k| {
+                let step = |step: f64| code(at, &std::array::from_fn(|i| if i == k { step } else { 0.0 }));
+                (step(STEP) - step(-STEP)) / (2.0 * STEP)
+            });
+            for level in [*MACHINE, fearless_simd::Level::baseline()] {
+                let found = dispatch!(level, simd => equations(simd, &octets, &SPLIT, 2.0));
+                assert!((found.left - 49.0).abs() < 0.01, "{}", found.left);
+                for row in 0..UNKNOWNS {
+                    let expected = weight * slopes[row] * 7.0;
+                    assert!((found.right[row] - expected).abs() < 2e-3 * (1.0 + expected.abs()), "{row} at {at:?}");
+                    for column in 0..UNKNOWNS {
+                        let (sum, expected) = (found.normal[(row, column)], weight * slopes[row] * slopes[column]);
+                        assert!((sum - expected).abs() < 2e-3 * (1.0 + expected.abs()), "{row}, {column} at {at:?}");
+                    }
+                }
+            }
+        }
+    }
+}

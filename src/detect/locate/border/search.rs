@@ -157,3 +157,56 @@ impl<S: Simd> Best<S> {
 const fn whole(number: f32) -> usize {
     number.max(0.0) as usize
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::random::case;
+
+    /// Stretch after stretch.
+    fn slow(counts: &[f32], sums: &[f32]) -> f32 {
+        let places = counts.len() - LANES;
+        let all = counts[places];
+        let mut most = 0.0_f32;
+        for from in 0..places {
+            let (farthest, most_within) = if from == 0 { (places, all) } else { (from + LANES, 0.5 * all) };
+            for to in from + 1..=farthest.min(places) {
+                let (n, sum) = (counts[to] - counts[from], sums[to] - sums[from]);
+                if n.min(all - n) >= MIN_SAMPLES as f32 && n <= most_within {
+                    most = most.max(sum * sum * all / (n * (all - n)));
+                }
+            }
+        }
+        most
+    }
+
+    #[test]
+    fn the_best_stretch_is_that_of_all_in_all_registers() {
+        for index in 0..200 {
+            let mut rng = case("stretches", index);
+            let places: usize = rng.random_range(3..70);
+            let (mut counts, mut sums) = (vec![0.0; places + LANES], vec![0.0; places + LANES]);
+            for place in 1..places {
+                let n: u8 = rng.random_range(0..5);
+                counts[place] = f32::from(n);
+                sums[place] = f32::from(n) * rng.random_range(-40.0..40.0);
+            }
+            for of in [&mut counts, &mut sums] {
+                (1..of.len()).for_each(|place| of[place] += of[place - 1]);
+            }
+            let most = slow(&counts, &sums);
+            for level in [*MACHINE, fearless_simd::Level::baseline()] {
+                let found = dispatch!(level, simd => best_stretch(simd, &counts, &sums));
+                let Some(Stretch { from, to, gained }) = found else {
+                    assert!(most <= 0.0, "{index}: {most}");
+                    continue;
+                };
+                assert_eq!(gained.to_bits(), most.to_bits(), "{index}: {gained} {most}");
+                let (n, sum, all) = (counts[to] - counts[from], sums[to] - sums[from], counts[places]);
+                assert_eq!((sum * sum * all / (n * (all - n))).to_bits(), most.to_bits(), "{index}: {from} {to}");
+            }
+        }
+    }
+}
