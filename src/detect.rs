@@ -296,6 +296,12 @@ pub fn looked_at(region: Region, width: u32, height: u32) -> Region {
 /// What the machine can do, asked once.
 static MACHINE: LazyLock<Level> = LazyLock::new(Level::new);
 
+/// Rounded down; 0 for what is below.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is what it is for")]
+const fn whole(number: f64) -> usize {
+    number.max(0.0) as usize
+}
+
 /// In single precision, whose seven digits are enough for what eight bits say.
 #[expect(clippy::cast_possible_truncation, reason = "what is lost is far below a pixel or a gray level")]
 const fn single(number: f64) -> f32 {

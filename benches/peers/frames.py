@@ -37,22 +37,15 @@ def blobs(mask):
     return cv2.connectedComponentsWithStatsWithAlgorithm(mask, 8, cv2.CV_16U, cv2.CCL_BOLELLI)
 
 
-class Kept:
-    """Pictures of the same size frame after frame, so that none needs new memory."""
-
-    def __init__(self):
-        self.pictures = {}
-
-    def of(self, bgr):
-        size = bgr.shape[:2]
-        return self.pictures.setdefault(size, [np.empty(size, np.uint8) for _ in range(3)])
-
-
-KEPT = Kept()
+# Of each size, so that no frame needs new memory.
+KEPT = {}
 
 
 def red_mask(bgr):
-    red, green, mask = KEPT.of(bgr)
+    size = bgr.shape[:2]
+    if size not in KEPT:
+        KEPT[size] = [np.empty(size, np.uint8) for _ in range(3)]
+    red, green, mask = KEPT[size]
     cv2.extractChannel(bgr, 2, red)
     cv2.extractChannel(bgr, 1, green)
     cv2.threshold(cv2.subtract(red, green, red), 40, 255, cv2.THRESH_BINARY, mask)

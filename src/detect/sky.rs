@@ -32,7 +32,7 @@ pub mod watch;
 #[cfg(test)]
 mod tests;
 
-use super::{Centroid, Detection, in_frame, luma, single};
+use super::{Centroid, Detection, in_frame, luma, single, whole};
 use crate::frame::{Frame, Region};
 use measure::Measured;
 use track::Track;
@@ -134,10 +134,4 @@ fn centroid(track: &Track, score: f64, measured: Option<Measured>, region: Regio
         class: kind::class(track).filter(|_| score >= kind::LEAST_SCORE),
         track_id: Some(track.id),
     }
-}
-
-/// Rounded down; 0 for what is below.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is what it is for")]
-const fn whole(number: f64) -> usize {
-    number.max(0.0) as usize
 }

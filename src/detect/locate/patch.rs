@@ -14,7 +14,7 @@ use crate::detect::ground::{Sample, median, middle, shortest_half, slope};
 use crate::detect::{MACHINE, single};
 use crate::frame::{ChromaSampling, Frame, Siting};
 
-/// A sample of one channel in each of eight sectors.
+/// Eight samples of one channel: in a channel's groups one of each of eight sectors.
 #[derive(Clone, Copy)]
 pub(super) struct Octet {
     /// From the patch's origin, px.
@@ -409,6 +409,13 @@ impl Octet {
 
     const EMPTY: Self =
         Self { x: Lanes::ZERO, y: Lanes::ZERO, value: Lanes::ZERO, there: Lanes::ZERO, free: Lanes::ZERO };
+
+    /// A sample for each lane; those that are too few leave the last lanes empty.
+    pub(super) fn of(samples: &[Sample]) -> Self {
+        let mut octet = Self::EMPTY;
+        samples.iter().enumerate().for_each(|(lane, sample)| octet.put(lane, sample));
+        octet
+    }
 
     fn put(&mut self, lane: usize, sample: &Sample) {
         (self.x.0[lane], self.y.0[lane], self.value.0[lane]) = (sample.x, sample.y, sample.value);

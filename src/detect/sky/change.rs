@@ -113,14 +113,11 @@ fn compare(level: &Level, past: &[u16], motion: &CameraMotion, scale: f64, frame
         let mut open: Option<Run> = None;
         for start in (1..width.saturating_sub(1)).step_by(BLOCK) {
             let Some(next) = Run::of_block(start, y, [width, height], shift) else { continue };
-            open = match open.map(|run| (run, run.joined(&next))) {
-                None => Some(next),
-                Some((_, Some(longer))) => Some(longer),
-                Some((run, None)) => {
-                    compare(run);
-                    Some(next)
-                }
-            };
+            let longer = open.and_then(|run| run.joined(&next));
+            if longer.is_none() {
+                open.into_iter().for_each(&mut compare);
+            }
+            open = longer.or(Some(next));
         }
         open.into_iter().for_each(compare);
     }

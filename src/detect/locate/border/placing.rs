@@ -6,7 +6,8 @@ use nalgebra::{Matrix5, Vector2, Vector5};
 
 use super::{ENDLESS_PX, STEEP, Split, WIDEST_LINE_PX};
 use crate::detect::ground::Sample;
-use crate::detect::locate::lanes::{LANES, Lanes, logistic_fall, sum};
+use crate::detect::locate::lanes::{LANES, logistic_fall, sum};
+use crate::detect::locate::patch::Octet;
 use crate::detect::{MACHINE, single};
 
 /// How wide a line is: what is expected, with a deviation of 1 px, and the least, px.
@@ -27,16 +28,6 @@ const UNKNOWNS: usize = 5;
 #[derive(Default)]
 pub(super) struct Placer {
     octets: Vec<Octet>,
-}
-
-/// Eight samples.
-#[derive(Clone, Copy)]
-struct Octet {
-    x: Lanes,
-    y: Lanes,
-    value: Lanes,
-    /// 1 for a sample, 0 beyond the last.
-    there: Lanes,
 }
 
 /// Normal equations of a step.
@@ -121,13 +112,6 @@ fn equations<S: Simd>(simd: S, octets: &[Octet], split: &Split, noise: f64) -> E
     }
     let normal = Matrix5::from_fn(|row, column| sum(normal[row.max(column)][row.min(column)]));
     Equations { normal, right: Vector5::from(moment.map(sum)), left: sum(left) }
-}
-
-impl Octet {
-    fn of(samples: &[Sample]) -> Self {
-        let lanes = |of: fn(&Sample) -> f32| Lanes(std::array::from_fn(|lane| samples.get(lane).map_or(0.0, of)));
-        Self { x: lanes(|s| s.x), y: lanes(|s| s.y), value: lanes(|s| s.value), there: lanes(|_| 1.0) }
-    }
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use nalgebra::Vector2;
 use super::{Border, ENDLESS_PX, MIN_SAMPLES, Split};
 use crate::detect::ground::Sample;
 use crate::detect::locate::lanes::LANES;
-use crate::detect::{MACHINE, single};
+use crate::detect::{MACHINE, single, whole};
 
 /// Directions that are tried, over half a turn, and samples that are looked at in each, at most.
 const DIRECTIONS: usize = 16;
@@ -66,7 +66,7 @@ impl Searcher {
 
     /// Counts them at the places along a direction.
     fn count(&mut self, [right, down]: [f32; 2]) {
-        let places = whole(2.0 * self.reach * PLACES_PER_PX) + 3;
+        let places = whole(f64::from(2.0 * self.reach * PLACES_PER_PX)) + 3;
         for of in [&mut self.counts, &mut self.sums] {
             of.clear();
             // Behind the last place there is nothing more, however far one looks.
@@ -74,7 +74,7 @@ impl Searcher {
         }
         for sample in &self.samples {
             // Those before the first place are none.
-            let place = 1 + whole((sample.x * right + sample.y * down + self.reach) * PLACES_PER_PX);
+            let place = 1 + whole(f64::from((sample.x * right + sample.y * down + self.reach) * PLACES_PER_PX));
             self.counts[place] += 1.0;
             self.sums[place] += sample.value;
         }
@@ -125,7 +125,11 @@ fn best_stretch<S: Simd>(simd: S, counts: &[f32], sums: &[f32]) -> Option<Stretc
     }
     // The first of equal ones.
     let (lane, gained) = best.gained.iter().copied().enumerate().rev().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (gained > 0.0).then(|| Stretch { from: whole(best.from[lane]), to: whole(best.to[lane]) + lane, gained })
+    (gained > 0.0).then(|| Stretch {
+        from: whole(best.from[lane].into()),
+        to: whole(best.to[lane].into()) + lane,
+        gained,
+    })
 }
 
 /// The best stretch of each lane; where it ends is a place further with each lane.
@@ -150,12 +154,6 @@ impl<S: Simd> Best<S> {
         self.from = is_better.select(f32x8::splat(simd, from as f32), self.from);
         self.to = is_better.select(f32x8::splat(simd, to as f32), self.to);
     }
-}
-
-/// Rounded down; 0 for what is below.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is what it is for")]
-const fn whole(number: f32) -> usize {
-    number.max(0.0) as usize
 }
 
 #[cfg(test)]
