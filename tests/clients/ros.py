@@ -60,6 +60,8 @@ def fly(endpoint, wanted):
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    # What is shared may be taken back on a starved machine; each picture counts here.
+    config.insert_json5("transport/shared_memory/enabled", "false")
     poses, tokens = [], []
 
     def on_pose(sample):

@@ -5,6 +5,8 @@
     swarm.py fly ENDPOINT NODE CAMERA COUNT HZ FRAME [LEASE_MS]
                                                      sends a JPEG COUNT times, tells as JSON what came back; a link that is silent for
                                                      LEASE_MS is given up and made anew
+    swarm.py share ...                               as fly, in shared memory: of this Zenoh takes back what a starved machine does
+                                                     not confirm in time
     swarm.py ask ENDPOINT NODE CALL JSON             one query, its reply
 """
 
@@ -16,8 +18,9 @@ import time
 import zenoh
 
 
-def config(mode, key, endpoint):
+def config(mode, key, endpoint, shared=False):
     made = zenoh.Config()
+    made.insert_json5("transport/shared_memory/enabled", json.dumps(shared))
     made.insert_json5("mode", json.dumps(mode))
     made.insert_json5(f"{key}/endpoints", json.dumps([endpoint]))
     made.insert_json5("scouting/multicast/enabled", "false")
@@ -33,7 +36,7 @@ def router(endpoint):
         threading.Event().wait()
 
 
-def fly(endpoint, node, camera, count, rate, path, lease=None):
+def fly(endpoint, node, camera, count, rate, path, lease=None, shared=False):
     with open(path, "rb") as file:
         frame = file.read()
     base = f"skypose/v1/default/{node}/camera/{camera}"
@@ -47,7 +50,7 @@ def fly(endpoint, node, camera, count, rate, path, lease=None):
         note["age_us"] = int(time.time() * 1e6) - note["timestamp_us"]
         estimates.append(note)
 
-    made = config("client", "connect", endpoint)
+    made = config("client", "connect", endpoint, shared)
     if lease:
         made.insert_json5("transport/link/tx/lease", lease)
     with zenoh.open(made) as session:
@@ -97,9 +100,9 @@ def ask(endpoint, node, call, text):
 def main(command, *arguments):
     if command == "router":
         router(*arguments)
-    elif command == "fly":
+    elif command in ("fly", "share"):
         endpoint, node, camera, count, rate, path, *lease = arguments
-        fly(endpoint, node, camera, int(count), float(rate), path, *lease)
+        fly(endpoint, node, camera, int(count), float(rate), path, *lease, shared=command == "share")
     elif command == "compared":
         endpoint, node, other, count = arguments
         compared(endpoint, node, other, int(count))

@@ -41,7 +41,7 @@ async fn heard(name: &str, change: impl FnOnce(&mut Settings)) -> Option<Value> 
     .await;
     let stream = json!({"camera": "demo", "targets": ["wing-six"]});
     assert_eq!(station.put("/v1/streams/front", &stream).await.status, 201);
-    let client = join(&endpoint, Role::Connect, true).await.expect("connects");
+    let client = join(&endpoint, Role::Connect, false).await.expect("connects");
     let flying = tokio::spawn(async move {
         let start = Instant::now();
         while start.elapsed() < Duration::from_mins(1) {

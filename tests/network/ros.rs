@@ -212,20 +212,20 @@ fn picture(stamp_us: i64, data: &[u8]) -> Vec<u8> {
 async fn what_is_no_message_harms_nothing_and_what_shows_no_target_has_no_pose() {
     let endpoint = free_endpoint();
     let station = station(&endpoint, RosForm::RmwZenoh, true).await;
-    let client = join(&endpoint, Role::Connect, true).await.expect("connects");
+    let client = join(&endpoint, Role::Connect, false).await.expect("connects");
     let poses = client.declare_subscriber("7/skypose/**").await.expect("listens");
     let status = client.declare_subscriber("skypose/v1/default/alpha/camera/front/status").await.expect("listens");
     let next = async |is_so: fn(&Value, u64) -> bool, count: u64| {
         let start = Instant::now();
-        while start.elapsed() < SOON {
+        loop {
             let sample: Sample =
                 tokio::time::timeout(SOON, status.recv_async()).await.expect("in time").expect("a status");
             let told: Value = serde_json::from_slice(&sample.payload().to_bytes()).expect("JSON");
             if is_so(&told, count) {
                 return told;
             }
+            assert!(start.elapsed() < SOON, "no such status of {count}: {told}");
         }
-        panic!("no such status");
     };
     let base = format!("7/front/image_raw/compressed/{}", COMPRESSED_IMAGE.dds_name);
     let refused = |told: &Value, count: u64| told["refused"] == count;
