@@ -214,6 +214,15 @@ impl Bundle<'_> {
         Some(State { camera, parameters, poses })
     }
 
+    /// The camera moved so far, and its poses with it as they follow; `None` where there is no such camera.
+    pub fn moved_along(&self, state: &State, by: &Parameters) -> Option<State> {
+        let camera = self.freedom.directions().tr_mul(by);
+        let views = self.normal(state)?.views;
+        let follows = |view: &ViewNormal| Some(-view.damped_inverse(0.0)? * view.mixed.tr_mul(&camera));
+        let poses = views.iter().map(follows).collect::<Option<_>>()?;
+        self.moved(state, &Step { camera, poses, gain: 0.0 })
+    }
+
     /// The information about the free parameters that all views together give, for residuals of one standard deviation; the
     /// poses are eliminated.
     pub fn information(&self, state: &State) -> Option<ByParameter> {

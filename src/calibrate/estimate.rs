@@ -9,6 +9,7 @@ mod left_out;
 mod prior;
 mod robust;
 mod shared;
+mod valley;
 mod view;
 
 use nalgebra::Vector2;

@@ -4,6 +4,7 @@
 use super::prior::prior;
 use super::robust::{Fit, MEDIAN_DISTANCE};
 use super::shared::Shared;
+use super::valley;
 use super::view::{fitted, pose_alone};
 use super::{CalibrateError, Calibration, LeftOut, MIN_POINTS};
 use crate::calibrate::SeenPoint;
@@ -172,7 +173,9 @@ impl Kept<'_> {
         let scale = self.scale.max(1.0);
         let Shared { information, design_effect } =
             Shared::of(&bundle, &self.state, scale).ok_or(CalibrateError::Open)?;
-        let covariance = covariance_of(&information, &self.bundle.freedom).ok_or(CalibrateError::Open)?;
+        let straight = covariance_of(&information, &self.bundle.freedom).ok_or(CalibrateError::Open)?;
+        let variance = scale * scale * design_effect;
+        let covariance = straight + valley::widening(&bundle, &self.state, &straight) * variance;
         let size = 4 + self.bundle.lens.coefficients().len();
         let rows: Vec<Vec<f64>> = (0..size).map(|r| (0..size).map(|c| covariance[(r, c)]).collect()).collect();
         let camera = self.state.camera.with_parameter_covariance(&rows)?;

@@ -128,7 +128,7 @@ fn parameters_lie_within_their_covariance() {
     for lens in lenses() {
         let camera = truth(lens);
         let size = (4 + lens.coefficients().len()) as f64;
-        let (mut parameters, mut rays, mut noise) = (0.0, 0.0, 0.0);
+        let (mut parameters, mut rays, mut noise) = (Vec::new(), 0.0, 0.0);
         let sets = 50;
         for set in 0..sets {
             let mut rng = case("calibration covariance", set);
@@ -137,16 +137,18 @@ fn parameters_lie_within_their_covariance() {
             let views: Vec<Vec<SeenPoint>> =
                 views.into_iter().map(|v| v.into_iter().map(|s| SeenPoint { sigma_px: 0.1, ..s }).collect()).collect();
             let found = calibrate(SIZE, &board, &views, &options(lens)).expect("a camera");
-            parameters += parameter_chi_square(&found.camera, &camera) / size / sets as f64;
+            parameters.push(parameter_chi_square(&found.camera, &camera) / size);
             rays += ray_chi_square(&found.camera, &camera) / sets as f64;
             noise += found.noise_ratio / sets as f64;
         }
-        // Sums of `size` squares: their mean is known to sqrt(2 / (sets size)); four deviations. Terms of a rational lens stand
-        // for each other so well that the data leave them open; what they predict is what counts.
+        // One set in fifty of a rational lens leads to where what is below the fraction bar nearly vanishes.
+        parameters.sort_by(f64::total_cmp);
+        let counting = sets as usize - usize::from(matches!(lens, Distortion::RationalPolynomial(_)));
+        let parameters = parameters.iter().take(counting).sum::<f64>() / counting as f64;
+        // Sums of `size` squares: their mean is known to sqrt(2 / (sets size)); four deviations.
         let allowed = 4.0 * (2.0 / (sets as f64 * size)).sqrt();
-        if !matches!(lens, Distortion::RationalPolynomial(_)) {
-            assert!((parameters - 1.0).abs() < allowed, "{}: {parameters}", lens.name());
-        }
+        println!("{}: parameters {parameters:.2}, rays {rays:.2}", lens.name());
+        assert!((parameters - 1.0).abs() < allowed, "{}: {parameters}", lens.name());
         // Errors of neighbouring rays are alike: as if there were four.
         assert!((rays - 1.0).abs() < 4.0 * (2.0 / (sets as f64 * 4.0)).sqrt(), "{}: {rays}", lens.name());
         assert!((noise - 2.0).abs() < 0.02, "{}: {noise}", lens.name());
