@@ -1,9 +1,10 @@
 //! The spine: a frame in, an estimate out, on one screen.
 //!
-//! `Frame` → [`detect`](crate::detect::detect_with) → centroids → [`identify`](crate::identify::identify) → correspondences → [`estimate_pose`] → poses.
+//! `Frame` → [`detect`](crate::detect::detect_with) → centroids → [`identify`](crate::identify::identify) → correspondences → [`estimate_pose`](crate::pose::estimate_pose) → poses.
 //! Each stage reports to the caller when it is done; there is no clock in here.
 
 mod again;
+mod displaced;
 mod joint;
 mod merge;
 
@@ -11,8 +12,9 @@ use crate::camera::Camera;
 use crate::detect::{Centroid, Detection, Detector, Workspace, detect_with};
 use crate::frame::{Frame, FrameError, Region};
 use crate::identify::{Blob, Hypothesis, Identified, IdentifyOptions};
-use crate::pose::{NoPose, PoseAnswer, PoseOptions, estimate_pose};
+use crate::pose::{NoPose, PoseAnswer, PoseOptions};
 use crate::target::Target;
+use displaced::Weighed;
 use joint::Claim;
 
 /// The stages, in order.
@@ -126,8 +128,11 @@ pub fn estimate_of(
         }
     }
     let blobs = blobs_of(&detection, &options.detector);
-    let targets =
-        claims.into_iter().map(|claim| solved(camera, &targets[claim.target], &blobs, claim, options)).collect();
+    let centroids = &mut detection.centroids;
+    let targets = claims
+        .into_iter()
+        .map(|claim| solved(camera, &targets[claim.target], &blobs, claim, options, centroids))
+        .collect();
     on_stage(Stage::Solve);
     Estimate { detection, targets }
 }
@@ -138,12 +143,27 @@ fn blobs_of(detection: &Detection, detector: &Detector) -> Vec<Blob> {
     detection.centroids.iter().map(blob).collect()
 }
 
-fn solved(camera: &Camera, target: &Target, blobs: &[Blob], claim: Claim, options: &Options) -> TargetEstimate {
+/// What is told of a target; of its `centroids` those are less certain of which the others tell that their light lies aside.
+fn solved(
+    camera: &Camera,
+    target: &Target,
+    blobs: &[Blob],
+    claim: Claim,
+    options: &Options,
+    centroids: &mut [Centroid],
+) -> TargetEstimate {
     let (centroid_of_marker, answer) = match claim.identified {
-        Ok(identified) => (
-            identified.hypotheses[0].blob_of_marker.clone(),
-            answer_of_all(camera, target, blobs, &identified, &options.pose, options.model_sigma_px),
-        ),
+        Ok(identified) => {
+            let centroid_of_marker = identified.hypotheses[0].blob_of_marker.clone();
+            let weighed = weighed_of_all(camera, target, blobs, &identified, &options.pose, options.model_sigma_px);
+            let answer = weighed.map(|weighed| {
+                for (blob, displacement_px) in centroid_of_marker.iter().flatten().zip(weighed.displacement_px) {
+                    centroids[*blob].sigma_px = centroids[*blob].sigma_px.hypot(displacement_px);
+                }
+                weighed.answer
+            });
+            (centroid_of_marker, answer)
+        }
         Err(reason) => (vec![None; target.markers().len()], Err(reason)),
     };
     TargetEstimate { target: claim.target, centroid_of_marker, answer }
@@ -161,24 +181,39 @@ pub fn answer_of_all(
     options: &PoseOptions,
     model_sigma_px: f64,
 ) -> Result<PoseAnswer, NoPose> {
-    let answer = |hypothesis: &Hypothesis| -> Result<(f64, PoseAnswer), NoPose> {
-        Ok((hypothesis.probability, answer_of(camera, target, blobs, hypothesis, options, model_sigma_px)?))
-    };
-    let best = answer(&identified.hypotheses[0])?;
-    let rivals = identified.hypotheses[1..].iter().filter_map(|hypothesis| answer(hypothesis).ok());
-    Ok(merge::merged(best, rivals))
+    weighed_of_all(camera, target, blobs, identified, options, model_sigma_px).map(|weighed| weighed.answer)
+}
+
+/// As [`answer_of_all`], with what the best assignment says of its pairs.
+fn weighed_of_all(
+    camera: &Camera,
+    target: &Target,
+    blobs: &[Blob],
+    identified: &Identified,
+    options: &PoseOptions,
+    model_sigma_px: f64,
+) -> Result<Weighed, NoPose> {
+    let weighed = |hypothesis: &Hypothesis| weighed_of(camera, target, blobs, hypothesis, options, model_sigma_px);
+    let Weighed { answer, displacement_px } = weighed(&identified.hypotheses[0])?;
+    let rivals = identified.hypotheses[1..]
+        .iter()
+        .filter_map(|hypothesis| Some((hypothesis.probability, weighed(hypothesis).ok()?.answer)));
+    let answer = merge::merged((identified.hypotheses[0].probability, answer), rivals);
+    Ok(Weighed { answer, displacement_px })
 }
 
 /// The answer for one assignment, by the method asked for.
-fn answer_of(
+fn weighed_of(
     camera: &Camera,
     target: &Target,
     blobs: &[Blob],
     hypothesis: &Hypothesis,
     options: &PoseOptions,
     model_sigma_px: f64,
-) -> Result<PoseAnswer, NoPose> {
+) -> Result<Weighed, NoPose> {
     let correspondences = hypothesis.correspondences(camera, target, blobs, model_sigma_px);
-    let answer = estimate_pose(camera, &correspondences, options)?;
-    hypothesis.possible(target, answer)
+    let radius_px = |blob: &usize| Some((blobs[*blob].area_px? / std::f64::consts::PI).sqrt());
+    let radii_px: Vec<Option<f64>> = hypothesis.blob_of_marker.iter().flatten().map(radius_px).collect();
+    let Weighed { answer, displacement_px } = displaced::weighed(camera, &correspondences, &radii_px, options)?;
+    Ok(Weighed { answer: hypothesis.possible(target, answer)?, displacement_px })
 }
