@@ -135,8 +135,11 @@ impl Fitter {
         let pixel = model.ellipse.centre + patch.origin;
         // What coding has taken is no licence to go elsewhere.
         let may_move = 0.1 + 3.5 * seed.sigma_px.hypot(by_scatter);
-        let fits = sigma_px.is_finite() && kept > MIN_KEPT && (pixel - seed.pixel).norm() < may_move;
-        fits.then(|| Located { pixel, sigma_px, area_px: model.ellipse.area_px() })
+        // A place that is known no better than the thing is large is not known.
+        let area_px = model.ellipse.area_px();
+        let is_known = sigma_px < (area_px / std::f64::consts::PI).sqrt();
+        let fits = is_known && kept > MIN_KEPT && (pixel - seed.pixel).norm() < may_move;
+        fits.then_some(Located { pixel, sigma_px, area_px })
     }
 }
 
