@@ -379,6 +379,11 @@ mod tests {
         let empty = Scene { centre: Vector2::new(30.0, 30.0), over: &|_| true, ..scene };
         let found = locate(&empty.frame(&mut rng), &empty.seed(Vector2::zeros()), HUE);
         assert!(found.is_none_or(|found| found.sigma_px > 0.2), "{found:?}");
+        for _ in 0..300 {
+            let found = locate(&empty.frame(&mut rng), &empty.seed(Vector2::zeros()), HUE);
+            let is_known = |found: Located| found.sigma_px < (found.area_px / std::f64::consts::PI).sqrt();
+            assert!(found.is_none_or(is_known), "{found:?} is known no better than it is large");
+        }
         let odd = Seed { pixel: Vector2::new(f64::NAN, 1.0), ..scene.seed(Vector2::zeros()) };
         assert_eq!(locate(&frame, &odd, HUE), None);
     }
