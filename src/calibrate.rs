@@ -14,6 +14,7 @@ pub mod held_out;
 pub mod next_view;
 pub mod report;
 mod start;
+pub mod watch;
 
 use crate::camera::Pixel;
 

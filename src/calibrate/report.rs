@@ -8,6 +8,7 @@ use super::estimate::{CalibrateOptions, Calibration};
 use super::evidence::{Evidence, ray_sigmas_px};
 use super::held_out::Trials;
 use super::next_view::{NextView, next_view};
+use super::watch::Watch;
 use crate::board::Board;
 
 /// The judgement of a calibration.
@@ -110,14 +111,14 @@ impl fmt::Display for Weakness {
     }
 }
 
-/// The judgement of what [`calibrate`](super::estimate::calibrate) found of these views; `tell` is told which share is done.
+/// The judgement of what [`calibrate`](super::estimate::calibrate) found of these views.
 #[must_use]
 pub fn report(
     board: &Board,
     views: &[Vec<SeenPoint>],
     options: &CalibrateOptions,
     found: &Calibration,
-    tell: &mut dyn FnMut(f64),
+    watch: &Watch<'_>,
 ) -> Report {
     let evidence = Evidence::of(board, views, options, found);
     let [least, greatest] = board.sheet();
@@ -141,7 +142,7 @@ pub fn report(
         stances,
         widest_turn_rad,
         ray_sigmas_px: sigmas,
-        trials: Trials::of(&evidence, options, found, tell),
+        trials: Trials::of(&evidence, options, found, watch),
         drop: views_to_drop(found),
         next_view: next_view(&evidence),
     }
@@ -191,8 +192,10 @@ mod tests {
     fn judged(views: &[Vec<SeenPoint>], options: &CalibrateOptions) -> (Calibration, Report) {
         let board = chessboard();
         let found = calibrate(SIZE, &board, views, options).expect("a camera");
-        let mut shares = Vec::new();
-        let report = report(&board, views, options, &found, &mut |share| shares.push(share));
+        let shares = std::cell::RefCell::new(Vec::new());
+        let tell = |share| shares.borrow_mut().push(share);
+        let report = report(&board, views, options, &found, &Watch::new(&|| true, &tell));
+        let shares = shares.into_inner();
         assert!(shares.is_sorted() && shares.last() == Some(&1.0), "{shares:?}");
         (found, report)
     }

@@ -9,6 +9,7 @@ use super::{CalibrateError, Calibration, LeftOut, MIN_POINTS};
 use crate::calibrate::SeenPoint;
 use crate::calibrate::bundle::{Bundle, Loss, State, covariance_of};
 use crate::calibrate::start::median;
+use crate::camera::Camera;
 use crate::geometry::CameraFromBoard;
 
 /// Points farther from their prediction than this, in units of the measured noise, do not count; of good ones 4 in 100,000 are.
@@ -144,6 +145,11 @@ fn degrees_of_freedom(bundle: &Bundle<'_>) -> Option<f64> {
 }
 
 impl Kept<'_> {
+    /// The camera as it is, without its covariance.
+    pub const fn camera(&self) -> &Camera {
+        &self.state.camera
+    }
+
     /// How many views count.
     pub const fn view_count(&self) -> usize {
         self.views.len()

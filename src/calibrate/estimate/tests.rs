@@ -26,6 +26,7 @@ pub fn views(camera: &Camera, board: &Board, count: usize, sigma_px: f64, rng: &
         freedom: Freedom::none(),
         loss: Loss::Squares,
         prior: Parameters::zeros(),
+        watch: Watch::nobody(),
     };
     (0..count)
         .map(|_| {
@@ -193,6 +194,7 @@ fn a_view_whose_points_leave_its_pose_open_sinks_no_others() {
         freedom: Freedom::of(&lens, &Fixed::default(), 1.0),
         loss: Loss::Squares,
         prior: Parameters::zeros(),
+        watch: Watch::nobody(),
     };
     let poses = seen.iter().map(|view| view::pose_alone(&bundle, &camera, view).expect("a pose")).collect();
     // Of one view a row is left, as where its other points do not fit.
@@ -234,6 +236,7 @@ fn points_on_a_line_leave_a_pose_open_and_one_beside_it_does_not() {
         freedom: Freedom::none(),
         loss: Loss::Squares,
         prior: Parameters::zeros(),
+        watch: Watch::nobody(),
     };
     let seen = |points: &[usize]| -> Vec<SeenPoint> {
         let origin = |point| SeenPoint { point, pixel: Vector2::zeros(), sigma_px: 0.1 };

@@ -8,6 +8,7 @@ use crate::calibrate::SeenPoint;
 use crate::calibrate::bundle::{Bundle, Loss};
 use crate::calibrate::freedom::{Freedom, Parameters};
 use crate::calibrate::start::{pose, state_of};
+use crate::calibrate::watch::Watch;
 use crate::camera::Camera;
 use crate::geometry::CameraFromBoard;
 
@@ -30,6 +31,7 @@ pub(in crate::calibrate) fn rms_of_view_alone(board: &Board, camera: &Camera, vi
         freedom: Freedom::none(),
         loss: Loss::Squares,
         prior: Parameters::zeros(),
+        watch: Watch::nobody(),
     };
     let pose = pose_alone(&bundle, camera, view)?;
     let squares: Option<Vec<f64>> =
