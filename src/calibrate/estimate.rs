@@ -6,6 +6,7 @@
 
 mod kept;
 mod left_out;
+mod minima;
 mod prior;
 mod robust;
 mod shared;
@@ -199,7 +200,8 @@ fn of_these(
     }
     let all: Vec<&[SeenPoint]> = useful.iter().map(|index| views[*index].as_slice()).collect();
     let prior = Parameters::zeros();
-    let bundle = Bundle { size, board, views: &all, lens: options.lens, freedom, loss: Loss::Squares, prior, watch: *watch };
+    let bundle =
+        Bundle { size, board, views: &all, lens: options.lens, freedom, loss: Loss::Squares, prior, watch: *watch };
     let robust = robust::robust_fit(&bundle, options)?;
     let kept = kept::without_what_is_wrong(&bundle, robust)?;
     if kept.view_count() < need {

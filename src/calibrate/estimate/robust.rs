@@ -1,5 +1,6 @@
 //! A first camera that a few wrong points or pictures hardly move.
 
+use super::minima::in_deeper_minima;
 use super::prior::prior;
 use super::{CalibrateError, CalibrateOptions};
 use crate::calibrate::SeenPoint;
@@ -115,6 +116,9 @@ fn robust_fit_from(
         if round > 3 && (before / scale - 1.0).abs() < 0.02 {
             break;
         }
+    }
+    if let Some(mended) = in_deeper_minima(&fit, &state) {
+        state = fit.refined(mended)?;
     }
     let (scale, scale_px) = noise_of(&fit, &state)?;
     Some(Fit { places, state, scale, scale_px })

@@ -196,7 +196,7 @@ fn a_view_whose_points_leave_its_pose_open_sinks_no_others() {
         prior: Parameters::zeros(),
         watch: Watch::nobody(),
     };
-    let poses = seen.iter().map(|view| view::pose_alone(&bundle, &camera, view).expect("a pose")).collect();
+    let poses = seen.iter().map(|view| minima::best_pose(&bundle, &camera, view).expect("a pose")).collect();
     // Of one view a row is left, as where its other points do not fit.
     seen[4].truncate(8);
     let slices: Vec<&[SeenPoint]> = seen.iter().map(Vec::as_slice).collect();
