@@ -25,6 +25,8 @@ const MIN_VIEWS: usize = 3;
 pub struct Trial {
     /// The model and its free terms, as `plumb_bob k1 k2`.
     pub name: String,
+    /// The model alone.
+    lens: &'static str,
     /// Free terms of the lens.
     pub terms: usize,
     /// Root mean square error of held-out points, px; `None` where no camera could be had.
@@ -40,6 +42,13 @@ pub enum Fit {
     Right,
     /// A larger one predicts better by more than chance.
     TooSmall {
+        /// Its name.
+        better: String,
+        /// Its held-out error over that of the chosen model.
+        ratio: f64,
+    },
+    /// One of another kind predicts better by more than chance.
+    OtherKind {
         /// Its name.
         better: String,
         /// Its held-out error over that of the chosen model.
@@ -81,6 +90,9 @@ impl Trials {
         let models: Vec<(Distortion, Fixed)> = std::iter::once(chosen).chain(usual).collect();
         let mut all = Vec::with_capacity(models.len());
         for (index, (lens, fixed)) in models.iter().enumerate() {
+            if !watch.is_wanted() {
+                break;
+            }
             let known = (index == 0).then(|| Whole::of(evidence, found));
             let share = |index: usize| index as f64 / models.len() as f64;
             let watch = watch.part(share(index), share(index + 1));
@@ -134,7 +146,7 @@ fn trial(evidence: &Evidence<'_>, options: &CalibrateOptions, known: Option<Whol
         .zip(points)
         .fold((0.0, 0.0), |(sum, count), (square, points)| (sum + square * points as f64, count + points as f64));
     let rms = (sum / count).sqrt();
-    Trial { name, terms, held_out_rms_px: rms.is_finite().then_some(rms), squares }
+    Trial { name, lens: options.lens.name(), terms, held_out_rms_px: rms.is_finite().then_some(rms), squares }
 }
 
 /// The camera of all views together, and their poses: where the search of each part begins, not what it ends with.
@@ -198,8 +210,15 @@ fn judge(all: &[Trial]) -> Fit {
         .filter(|other| is_better(&other.squares, &chosen.squares))
         .filter_map(|other| Some((other, ratio(other)?)))
         .min_by(|a, b| a.1.total_cmp(&b.1));
-    if let Some((better, ratio)) = better.filter(|(better, _)| better.terms >= chosen.terms) {
-        return Fit::TooSmall { better: better.name.clone(), ratio };
+    match better {
+        Some((other, ratio)) if is_other_kind(other.lens, chosen.lens) => {
+            return Fit::OtherKind { better: other.name.clone(), ratio };
+        }
+        Some((other, ratio)) if other.terms >= chosen.terms => {
+            return Fit::TooSmall { better: other.name.clone(), ratio };
+        }
+        // It has less of the same, which is told as such.
+        Some(_) | None => {}
     }
     let enough = others
         .iter()
@@ -211,6 +230,13 @@ fn judge(all: &[Trial]) -> Fit {
         Some((enough, ratio)) => Fit::TooLarge { enough: enough.name.clone(), ratio },
         None => Fit::Right,
     }
+}
+
+/// Whether neither of these models is the other with more terms: a fisheye lens is no polynomial of the ideal image.
+fn is_other_kind(one: &str, other: &str) -> bool {
+    let fisheye = Distortion::Equidistant([0.0; 4]).name();
+    let none = Distortion::None.name();
+    one != none && other != none && (one == fisheye) != (other == fisheye)
 }
 
 /// Whether the squared errors of `one` are smaller, view by view, by more than two standard deviations of their mean difference, and by
