@@ -77,6 +77,9 @@ pub struct Trials {
 /// A smaller model is as good if it predicts worse by less than this.
 const AS_GOOD_RATIO: f64 = 1.005;
 
+/// A model is far better that takes away more than this share of the squared error.
+const FAR_SHARE: f64 = 0.75;
+
 impl Trials {
     /// Tries them while they are wanted.
     pub(super) fn of(
@@ -247,7 +250,26 @@ fn is_better(one: &[f64], other: &[f64]) -> bool {
     }
     let count = one.len() as f64;
     let differences: Vec<f64> = one.iter().zip(other).map(|(one, other)| other - one).collect();
-    let mean = differences.iter().sum::<f64>() / count;
+    let (mean, before) = (differences.iter().sum::<f64>() / count, other.iter().sum::<f64>() / count);
     let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    mean > 2.0 * (variance / count).sqrt() && mean > 0.01 * other.iter().sum::<f64>() / count
+    let wins = differences.iter().filter(|difference| **difference > 0.0).count() as f64;
+    // Where a model fails in a part of the picture, few views have nearly all of the error: there signs tell more than means.
+    let is_far_better = mean > FAR_SHARE * before && 2.0 * wins - count > 2.0 * count.sqrt();
+    is_far_better || mean > 2.0 * (variance / count).sqrt() && mean > 0.01 * before
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_that_fails_in_few_views_is_worse_all_the_same() {
+        let (good, mut bad) = (vec![1e-4; 12], vec![2e-4; 12]);
+        (bad[2], bad[7]) = (5.0, 0.3);
+        assert!(is_better(&good, &bad) && !is_better(&bad, &good));
+        // Few views that differ by chance say nothing.
+        let mut one = good.clone();
+        one[3] = 5.0;
+        assert!(!is_better(&good, &one));
+    }
 }
