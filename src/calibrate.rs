@@ -12,8 +12,10 @@ pub mod find;
 pub mod freedom;
 pub mod held_out;
 pub mod next_view;
+pub mod pattern_error;
 pub mod report;
 mod start;
+pub mod watch;
 
 use crate::camera::Pixel;
 

@@ -8,6 +8,7 @@ use nalgebra::{Matrix6, SMatrix, Vector2, Vector6};
 
 use super::SeenPoint;
 use super::freedom::{ByParameter, Freedom, Parameters, camera_of, parameters_of};
+use super::watch::Watch;
 use crate::board::Board;
 use crate::camera::parameters::MAX_PARAMETERS;
 use crate::camera::{Camera, Distortion};
@@ -31,6 +32,8 @@ pub(super) struct Bundle<'a> {
     /// What is known of the parameters beforehand: the inverse of their variances around zero, in the units of the residuals. Terms
     /// of a rational lens nearly cancel each other; without any such knowledge they may run away together.
     pub prior: Parameters,
+    /// Who waits for it.
+    pub watch: Watch<'a>,
 }
 
 /// How residuals, in units of their standard deviations, count.
@@ -171,11 +174,14 @@ impl Bundle<'_> {
         Some(normal)
     }
 
-    /// The least cost that can be reached from `state` downhill.
+    /// The least cost that can be reached from `state` downhill; `None` where it has no cost, and where it is not wanted any more.
     pub fn refined(&self, mut state: State) -> Option<State> {
         let mut normal = self.normal(&state)?;
         let (mut damping, mut growth) = (1e-4, 2.0);
         for _ in 0..MAX_ITERATIONS {
+            if !self.watch.is_wanted() {
+                return None;
+            }
             let Some(step) = normal.step(damping) else {
                 (damping, growth) = (damping * growth, growth * 2.0);
                 if !(damping < 1e12) {
@@ -186,15 +192,14 @@ impl Bundle<'_> {
             if step.gain < self.loss.least_gain() {
                 break;
             }
-            let moved = self.moved(&state, &step);
-            let cost = moved.as_ref().map_or(f64::INFINITY, |moved| self.cost(moved));
+            // Most steps are taken, so the equations there are wanted with the cost.
+            let moved = self.moved(&state, &step).and_then(|moved| Some((self.normal(&moved)?, moved)));
             match moved {
-                Some(moved) if cost < normal.cost => {
-                    let quality = (normal.cost - cost) / step.gain;
+                Some((next, moved)) if next.cost < normal.cost => {
+                    let quality = (normal.cost - next.cost) / step.gain;
                     damping *= (1.0 - (2.0 * quality - 1.0).powi(3)).clamp(1.0 / 5.0, 2.0);
                     growth = 2.0;
-                    state = moved;
-                    normal = self.normal(&state)?;
+                    (state, normal) = (moved, next);
                 }
                 _ => {
                     (damping, growth) = (damping * growth, growth * 2.0);

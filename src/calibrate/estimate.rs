@@ -6,6 +6,7 @@
 
 mod kept;
 mod left_out;
+mod minima;
 mod prior;
 mod robust;
 mod shared;
@@ -18,6 +19,7 @@ use thiserror::Error;
 use super::SeenPoint;
 use super::bundle::{Bundle, Loss};
 use super::freedom::{Fixed, Freedom, Parameters};
+use super::watch::Watch;
 use crate::board::Board;
 use crate::camera::{Camera, CameraError, Distortion};
 use crate::geometry::CameraFromBoard;
@@ -122,6 +124,9 @@ pub enum CalibrateError {
         /// Theirs, px.
         pictures: [u32; 2],
     },
+    /// Who waited for it has had enough.
+    #[error("the calibration was cancelled")]
+    Unwanted,
     /// What came out is no camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
@@ -140,6 +145,53 @@ pub fn calibrate(
     views: &[Vec<SeenPoint>],
     options: &CalibrateOptions,
 ) -> Result<Calibration, CalibrateError> {
+    calibrate_watched(size, board, views, options, &Watch::nobody())
+}
+
+/// The same while somebody waits, who is told how far it is and may say that it is not wanted any more.
+///
+/// # Errors
+/// [`CalibrateError`].
+pub fn calibrate_watched(
+    size: [u32; 2],
+    board: &Board,
+    views: &[Vec<SeenPoint>],
+    options: &CalibrateOptions,
+    watch: &Watch<'_>,
+) -> Result<Calibration, CalibrateError> {
+    let found = of_these(size, board, views, options, watch);
+    watch.done(1.0);
+    // What was broken off says nothing about the views.
+    if watch.is_wanted() { found } else { Err(CalibrateError::Unwanted) }
+}
+
+/// The camera that explains these views best, without its covariance, where one near `camera` with these poses is known: that of more
+/// views than these, or the like. None of them is looked for from afar, and none is taken for a repeated one.
+pub(super) fn camera_near(
+    board: &Board,
+    views: &[&[SeenPoint]],
+    options: &CalibrateOptions,
+    camera: &Camera,
+    poses: Vec<CameraFromBoard>,
+    watch: &Watch<'_>,
+) -> Option<Camera> {
+    let size = [camera.width(), camera.height()];
+    let freedom = freedom_of(size, options).ok()?;
+    let (loss, prior) = (Loss::Squares, Parameters::zeros());
+    let bundle = Bundle { size, board, views, lens: options.lens, freedom, loss, prior, watch: *watch };
+    let state = super::start::state_of(camera, poses);
+    let (scale, scale_px) = robust::noise_of(&bundle, &state)?;
+    let fit = robust::Fit { places: (0..views.len()).collect(), state, scale, scale_px };
+    Some(*kept::without_what_is_wrong(&bundle, fit).ok()?.camera())
+}
+
+fn of_these(
+    size: [u32; 2],
+    board: &Board,
+    views: &[Vec<SeenPoint>],
+    options: &CalibrateOptions,
+    watch: &Watch<'_>,
+) -> Result<Calibration, CalibrateError> {
     let useful = useful(views);
     let freedom = freedom_of(size, options)?;
     // A view gives two equations about the camera.
@@ -149,7 +201,8 @@ pub fn calibrate(
     }
     let all: Vec<&[SeenPoint]> = useful.iter().map(|index| views[*index].as_slice()).collect();
     let prior = Parameters::zeros();
-    let bundle = Bundle { size, board, views: &all, lens: options.lens, freedom, loss: Loss::Squares, prior };
+    let bundle =
+        Bundle { size, board, views: &all, lens: options.lens, freedom, loss: Loss::Squares, prior, watch: *watch };
     let robust = robust::robust_fit(&bundle, options)?;
     let kept = kept::without_what_is_wrong(&bundle, robust)?;
     if kept.view_count() < need {

@@ -4,6 +4,7 @@ use super::SeenPoint;
 use super::bundle::{Bundle, Loss, State, covariance_of};
 use super::estimate::{CalibrateOptions, Calibration, freedom_of, less_certain, prior};
 use super::freedom::{ByParameter, Freedom, parameters_of};
+use super::watch::Watch;
 use crate::board::Board;
 use crate::camera::{Camera, Pixel};
 use crate::geometry::{CameraFromBoard, Point, space};
@@ -76,6 +77,7 @@ impl<'a> Evidence<'a> {
             freedom: self.freedom,
             loss: Loss::Squares,
             prior,
+            watch: Watch::nobody(),
         };
         let state = State { camera: *self.camera, parameters: parameters_of(self.camera), poses: poses.to_vec() };
         Some(bundle.information(&state)? / self.scale.powi(2))

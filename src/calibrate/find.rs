@@ -15,6 +15,7 @@ use thiserror::Error;
 
 use super::SeenPoint;
 use crate::board::{Board, Pattern};
+use crate::camera::Pixel;
 use crate::detect::luma;
 use crate::frame::{Frame, FrameError, Region};
 
@@ -34,6 +35,14 @@ impl Luma {
         let [width, height] = [self.width, self.height].map(|side| u32::try_from(side).unwrap_or(0));
         let holds = self.width > 0 && self.height > 0 && self.samples.len() == self.width * self.height;
         holds.then_some(Region { x: 0, y: 0, width, height })
+    }
+
+    /// The pixel there, or the nearest of the border.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casting saturates")]
+    fn nearest(&self, place: &Pixel) -> u8 {
+        let [x, y] = [(place.x, self.width), (place.y, self.height)]
+            .map(|(at, side)| (at.round() as usize).min(side.saturating_sub(1)));
+        self.samples.get(y * self.width + x).copied().unwrap_or(0)
     }
 }
 

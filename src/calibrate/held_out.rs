@@ -4,13 +4,18 @@
 //! (cross-validation; Stone 1974). A model with too few terms predicts worse, and so does one with so many that they fit noise.
 
 use super::SeenPoint;
-use super::estimate::{CalibrateOptions, Calibration, calibrate, rms_of_view_alone};
+use super::estimate::{CalibrateOptions, Calibration, calibrate_watched, camera_near, rms_of_view_alone};
 use super::evidence::Evidence;
 use super::freedom::Fixed;
+use super::watch::Watch;
 use crate::camera::{Camera, Distortion};
+use crate::geometry::CameraFromBoard;
 
 /// Parts into which the views are dealt.
 const PARTS: usize = 5;
+
+/// Share of a trial that the camera of all views takes.
+const WHOLE_SHARE: f64 = 0.5;
 
 /// Views that a camera must rest on.
 const MIN_VIEWS: usize = 3;
@@ -20,6 +25,8 @@ const MIN_VIEWS: usize = 3;
 pub struct Trial {
     /// The model and its free terms, as `plumb_bob k1 k2`.
     pub name: String,
+    /// The model alone.
+    lens: &'static str,
     /// Free terms of the lens.
     pub terms: usize,
     /// Root mean square error of held-out points, px; `None` where no camera could be had.
@@ -35,6 +42,13 @@ pub enum Fit {
     Right,
     /// A larger one predicts better by more than chance.
     TooSmall {
+        /// Its name.
+        better: String,
+        /// Its held-out error over that of the chosen model.
+        ratio: f64,
+    },
+    /// One of another kind predicts better by more than chance.
+    OtherKind {
         /// Its name.
         better: String,
         /// Its held-out error over that of the chosen model.
@@ -63,22 +77,30 @@ pub struct Trials {
 /// A smaller model is as good if it predicts worse by less than this.
 const AS_GOOD_RATIO: f64 = 1.005;
 
+/// A model is far better that takes away more than this share of the squared error.
+const FAR_SHARE: f64 = 0.75;
+
 impl Trials {
-    /// Tries them, telling after each which share is done.
+    /// Tries them while they are wanted.
     pub(super) fn of(
         evidence: &Evidence<'_>,
         options: &CalibrateOptions,
         found: &Calibration,
-        tell: &mut dyn FnMut(f64),
+        watch: &Watch<'_>,
     ) -> Self {
         let chosen = (options.lens, options.fixed);
         let usual = usual_models(&options.fixed).into_iter().filter(|model| !is_same(model, &chosen));
         let models: Vec<(Distortion, Fixed)> = std::iter::once(chosen).chain(usual).collect();
         let mut all = Vec::with_capacity(models.len());
         for (index, (lens, fixed)) in models.iter().enumerate() {
-            let guess = (index == 0).then_some(&found.camera);
-            all.push(trial(evidence, &CalibrateOptions { lens: *lens, fixed: *fixed, ..*options }, guess));
-            tell((index + 1) as f64 / models.len() as f64);
+            if !watch.is_wanted() {
+                break;
+            }
+            let known = (index == 0).then(|| Whole::of(evidence, found));
+            let share = |index: usize| index as f64 / models.len() as f64;
+            let watch = watch.part(share(index), share(index + 1));
+            all.push(trial(evidence, &CalibrateOptions { lens: *lens, fixed: *fixed, ..*options }, known, &watch));
+            watch.done(1.0);
         }
         let fit = judge(&all);
         Self { all, fit }
@@ -118,40 +140,66 @@ fn name_of(lens: &Distortion, fixed: &Fixed) -> (String, usize) {
     (name, free.len())
 }
 
-fn trial(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<&Camera>) -> Trial {
+fn trial(evidence: &Evidence<'_>, options: &CalibrateOptions, known: Option<Whole>, watch: &Watch<'_>) -> Trial {
     let (name, terms) = name_of(&options.lens, &options.fixed);
-    let squares = held_out_squares(evidence, options, guess).unwrap_or_default();
+    let squares = held_out_squares(evidence, options, known, watch).unwrap_or_default();
     let points = evidence.views.iter().map(Vec::len);
     let (sum, count) = squares
         .iter()
         .zip(points)
         .fold((0.0, 0.0), |(sum, count), (square, points)| (sum + square * points as f64, count + points as f64));
     let rms = (sum / count).sqrt();
-    Trial { name, terms, held_out_rms_px: rms.is_finite().then_some(rms), squares }
+    Trial { name, lens: options.lens.name(), terms, held_out_rms_px: rms.is_finite().then_some(rms), squares }
+}
+
+/// The camera of all views together, and their poses: where the search of each part begins, not what it ends with.
+struct Whole {
+    camera: Camera,
+    poses: Vec<CameraFromBoard>,
+}
+
+impl Whole {
+    /// That is known.
+    fn of(evidence: &Evidence<'_>, found: &Calibration) -> Self {
+        Self { camera: found.camera, poses: evidence.poses.clone() }
+    }
+
+    /// That of another lens; `None` where there is none.
+    fn sought(evidence: &Evidence<'_>, options: &CalibrateOptions, watch: &Watch<'_>) -> Option<Self> {
+        let size = [evidence.camera.width(), evidence.camera.height()];
+        let found = calibrate_watched(size, evidence.board, &evidence.views, options, watch).ok()?;
+        let poses = found.views.iter().map(|view| view.camera_from_board).collect::<Option<_>>()?;
+        Some(Self { camera: found.camera, poses })
+    }
 }
 
 /// Mean squared error of each view under a camera that rests on others.
-fn held_out_squares(evidence: &Evidence<'_>, options: &CalibrateOptions, guess: Option<&Camera>) -> Option<Vec<f64>> {
+fn held_out_squares(
+    evidence: &Evidence<'_>,
+    options: &CalibrateOptions,
+    known: Option<Whole>,
+    watch: &Watch<'_>,
+) -> Option<Vec<f64>> {
     let count = evidence.views.len();
     let parts = PARTS.min(count);
     if count < MIN_VIEWS + count.div_ceil(parts.max(1)) {
         return None;
     }
-    let size = [evidence.camera.width(), evidence.camera.height()];
-    // All views together are where the search of each part begins, not what it ends with.
-    let start = match guess.copied().or(options.guess) {
-        Some(camera) => camera,
-        None => calibrate(size, evidence.board, &evidence.views, options).ok()?.camera,
+    let from = if known.is_some() { 0.0 } else { WHOLE_SHARE };
+    let whole = match known {
+        Some(whole) => whole,
+        None => Whole::sought(evidence, options, &watch.part(0.0, WHOLE_SHARE))?,
     };
-    let options = CalibrateOptions { guess: Some(start), ..*options };
     let mut squares = vec![0.0; count];
     for part in 0..parts {
-        let others: Vec<Vec<SeenPoint>> =
-            (0..count).filter(|index| index % parts != part).map(|index| evidence.views[index].clone()).collect();
-        let camera = calibrate(size, evidence.board, &others, &options).ok()?.camera;
+        let others = || (0..count).filter(|index| index % parts != part);
+        let views: Vec<&[SeenPoint]> = others().map(|index| evidence.views[index].as_slice()).collect();
+        let poses = others().map(|index| whole.poses[index]).collect();
+        let camera = camera_near(evidence.board, &views, options, &whole.camera, poses, &watch.silent())?;
         for index in (part..count).step_by(parts) {
             squares[index] = rms_of_view_alone(evidence.board, &camera, &evidence.views[index])?.powi(2);
         }
+        watch.done(from + (1.0 - from) * (part + 1) as f64 / parts as f64);
     }
     Some(squares)
 }
@@ -165,8 +213,15 @@ fn judge(all: &[Trial]) -> Fit {
         .filter(|other| is_better(&other.squares, &chosen.squares))
         .filter_map(|other| Some((other, ratio(other)?)))
         .min_by(|a, b| a.1.total_cmp(&b.1));
-    if let Some((better, ratio)) = better.filter(|(better, _)| better.terms >= chosen.terms) {
-        return Fit::TooSmall { better: better.name.clone(), ratio };
+    match better {
+        Some((other, ratio)) if is_other_kind(other.lens, chosen.lens) => {
+            return Fit::OtherKind { better: other.name.clone(), ratio };
+        }
+        Some((other, ratio)) if other.terms >= chosen.terms => {
+            return Fit::TooSmall { better: other.name.clone(), ratio };
+        }
+        // It has less of the same, which is told as such.
+        Some(_) | None => {}
     }
     let enough = others
         .iter()
@@ -180,6 +235,13 @@ fn judge(all: &[Trial]) -> Fit {
     }
 }
 
+/// Whether neither of these models is the other with more terms: a fisheye lens is no polynomial of the ideal image.
+fn is_other_kind(one: &str, other: &str) -> bool {
+    let fisheye = Distortion::Equidistant([0.0; 4]).name();
+    let none = Distortion::None.name();
+    one != none && other != none && (one == fisheye) != (other == fisheye)
+}
+
 /// Whether the squared errors of `one` are smaller, view by view, by more than two standard deviations of their mean difference, and by
 /// one in a hundred.
 fn is_better(one: &[f64], other: &[f64]) -> bool {
@@ -188,7 +250,26 @@ fn is_better(one: &[f64], other: &[f64]) -> bool {
     }
     let count = one.len() as f64;
     let differences: Vec<f64> = one.iter().zip(other).map(|(one, other)| other - one).collect();
-    let mean = differences.iter().sum::<f64>() / count;
+    let (mean, before) = (differences.iter().sum::<f64>() / count, other.iter().sum::<f64>() / count);
     let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    mean > 2.0 * (variance / count).sqrt() && mean > 0.01 * other.iter().sum::<f64>() / count
+    let wins = differences.iter().filter(|difference| **difference > 0.0).count() as f64;
+    // Where a model fails in a part of the picture, few views have nearly all of the error: there signs tell more than means.
+    let is_far_better = mean > FAR_SHARE * before && 2.0 * wins - count > 2.0 * count.sqrt();
+    is_far_better || mean > 2.0 * (variance / count).sqrt() && mean > 0.01 * before
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_that_fails_in_few_views_is_worse_all_the_same() {
+        let (good, mut bad) = (vec![1e-4; 12], vec![2e-4; 12]);
+        (bad[2], bad[7]) = (5.0, 0.3);
+        assert!(is_better(&good, &bad) && !is_better(&bad, &good));
+        // Few views that differ by chance say nothing.
+        let mut one = good.clone();
+        one[3] = 5.0;
+        assert!(!is_better(&good, &one));
+    }
 }

@@ -4,10 +4,12 @@ use std::fmt;
 
 use super::SeenPoint;
 use super::coverage::{Coverage, Stance, widest_turn_rad};
-use super::estimate::{CalibrateOptions, Calibration};
+use super::estimate::{CalibrateOptions, Calibration, LeftOut};
 use super::evidence::{Evidence, ray_sigmas_px};
-use super::held_out::Trials;
+use super::held_out::{Fit, Trials};
 use super::next_view::{NextView, next_view};
+use super::pattern_error::PatternError;
+use super::watch::Watch;
 use crate::board::Board;
 
 /// The judgement of a calibration.
@@ -27,12 +29,14 @@ pub struct Report {
     pub drop: Vec<usize>,
     /// The view that would help most.
     pub next_view: Option<NextView>,
+    /// What the same points of the board have in common in all views.
+    pub pattern_error: Option<PatternError>,
     /// What is missing for a camera to trust; none if the set is good.
     pub weaknesses: Vec<Weakness>,
 }
 
 /// What a set of views lacks. The display tells the numbers and what to do.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Weakness {
     /// Too few views.
     FewViews {
@@ -52,6 +56,17 @@ pub enum Weakness {
     LittleCoverage {
         /// Share of the cells with a point.
         share: f64,
+        /// What is wanted.
+        need: f64,
+    },
+    /// The lens model does not fit, and so nothing is well known.
+    Lens {
+        /// The model that fits better.
+        better: String,
+        /// Its held-out error over that of the chosen model.
+        ratio: f64,
+        /// Standard deviation of the focal length as a share of itself.
+        focal_ratio: f64,
         /// What is wanted.
         need: f64,
     },
@@ -75,6 +90,9 @@ const MIN_COVERAGE: f64 = 0.3;
 
 /// Largest deviation of the focal length.
 const MAX_FOCAL_RATIO: f64 = 0.01;
+
+/// Another lens model is what is missing where its held-out error is less than this share.
+const FAR_BETTER: f64 = 0.5;
 
 /// A view's error stands out from this many times the median on.
 const DROP_RATIO: f64 = 2.0;
@@ -100,6 +118,13 @@ impl fmt::Display for Weakness {
                 100.0 * share,
                 100.0 * need
             ),
+            Self::Lens { better, ratio, focal_ratio, need } => write!(
+                f,
+                "the lens model does not fit, which leaves the focal length known to {:.1} % only, {:.1} % is wanted: {better} predicts other views with {:.0} % of the error",
+                100.0 * focal_ratio,
+                100.0 * need,
+                100.0 * ratio
+            ),
             Self::FocalLength { ratio, need } => write!(
                 f,
                 "the focal length is known to {:.1} % only, {:.1} % is wanted: take tilted views, near by",
@@ -110,14 +135,14 @@ impl fmt::Display for Weakness {
     }
 }
 
-/// The judgement of what [`calibrate`](super::estimate::calibrate) found of these views; `tell` is told which share is done.
+/// The judgement of what [`calibrate`](super::estimate::calibrate) found of these views.
 #[must_use]
 pub fn report(
     board: &Board,
     views: &[Vec<SeenPoint>],
     options: &CalibrateOptions,
     found: &Calibration,
-    tell: &mut dyn FnMut(f64),
+    watch: &Watch<'_>,
 ) -> Report {
     let evidence = Evidence::of(board, views, options, found);
     let [least, greatest] = board.sheet();
@@ -135,19 +160,29 @@ pub fn report(
         .parameter_covariance()
         .map(|covariance| ray_sigmas_px(&found.camera, covariance.matrix(), cells))
         .unwrap_or_default();
+    let trials = Trials::of(&evidence, options, found, watch);
     Report {
-        weaknesses: weaknesses(found, evidence.views.len(), widest_turn_rad, coverage.share),
+        weaknesses: weaknesses(found, evidence.views.len(), widest_turn_rad, coverage.share, &trials.fit),
         coverage,
         stances,
         widest_turn_rad,
         ray_sigmas_px: sigmas,
-        trials: Trials::of(&evidence, options, found, tell),
+        trials,
         drop: views_to_drop(found),
         next_view: next_view(&evidence),
+        pattern_error: PatternError::of(&evidence),
     }
 }
 
-fn weaknesses(found: &Calibration, views: usize, widest_rad: f64, share: f64) -> Vec<Weakness> {
+impl Report {
+    /// Whether another lens model is what is missing, rather than anything else that would make errors smaller.
+    #[must_use]
+    pub fn lacks_other_lens(&self) -> bool {
+        matches!(&self.trials.fit, Fit::TooSmall { ratio, .. } | Fit::OtherKind { ratio, .. } if *ratio < FAR_BETTER)
+    }
+}
+
+fn weaknesses(found: &Calibration, views: usize, widest_rad: f64, share: f64, fit: &Fit) -> Vec<Weakness> {
     let mut weaknesses = Vec::new();
     if views < MIN_VIEWS {
         weaknesses.push(Weakness::FewViews { found: views, need: MIN_VIEWS });
@@ -161,18 +196,29 @@ fn weaknesses(found: &Calibration, views: usize, widest_rad: f64, share: f64) ->
     let focal = found.camera.focal_lengths();
     let ratio = (0..2).map(|axis| found.standard_deviations[axis] / focal[axis]).fold(0.0, f64::max);
     if !(ratio <= MAX_FOCAL_RATIO) {
-        weaknesses.push(Weakness::FocalLength { ratio, need: MAX_FOCAL_RATIO });
+        let need = MAX_FOCAL_RATIO;
+        match fit {
+            // Its errors are what leaves the focal length open, and no further view mends them.
+            Fit::TooSmall { better, ratio: error } | Fit::OtherKind { better, ratio: error } if *error < FAR_BETTER => {
+                let better = better.clone();
+                weaknesses.insert(0, Weakness::Lens { better, ratio: *error, focal_ratio: ratio, need });
+            }
+            _ => weaknesses.push(Weakness::FocalLength { ratio, need }),
+        }
     }
     weaknesses
 }
 
-/// Views whose error stands out, and those that do not count at all.
+/// Views whose error stands out, and those that do not count for it.
 fn views_to_drop(found: &Calibration) -> Vec<usize> {
     let mut errors: Vec<f64> = found.views.iter().filter(|view| view.counts()).map(|view| view.rms_px).collect();
     let limit = (DROP_RATIO * super::start::median(&mut errors)).max(LEAST_DROP_PX);
     let stands_out = |index: &usize| {
         let view = &found.views[*index];
-        view.camera_from_board.is_some() && (!view.counts() || view.rms_px > limit)
+        match view.left_out {
+            None => view.rms_px > limit,
+            Some(reason) => matches!(reason, LeftOut::DoesNotFit { .. } | LeftOut::FewFit { .. }),
+        }
     };
     (0..found.views.len()).filter(stands_out).collect()
 }
@@ -182,17 +228,19 @@ mod tests {
     use nalgebra::Vector2;
 
     use super::*;
-    use crate::calibrate::estimate::calibrate;
+    use crate::board::{AprilGrid, Pattern};
     use crate::calibrate::estimate::tests::{SIZE, chessboard, lenses, options, truth, views};
-    use crate::calibrate::held_out::Fit;
-    use crate::camera::Distortion;
+    use crate::calibrate::estimate::{CalibrateError, calibrate, calibrate_watched};
+    use crate::camera::{Camera, Distortion};
     use crate::random::named;
 
     fn judged(views: &[Vec<SeenPoint>], options: &CalibrateOptions) -> (Calibration, Report) {
         let board = chessboard();
         let found = calibrate(SIZE, &board, views, options).expect("a camera");
-        let mut shares = Vec::new();
-        let report = report(&board, views, options, &found, &mut |share| shares.push(share));
+        let shares = std::cell::RefCell::new(Vec::new());
+        let tell = |share| shares.borrow_mut().push(share);
+        let report = report(&board, views, options, &found, &Watch::new(&|| true, &tell));
+        let shares = shares.into_inner();
         assert!(shares.is_sorted() && shares.last() == Some(&1.0), "{shares:?}");
         (found, report)
     }
@@ -226,6 +274,83 @@ mod tests {
             "{:?}",
             report.trials.fit
         );
+    }
+
+    #[test]
+    fn nothing_is_computed_that_is_not_wanted_any_more() {
+        let (board, options) = (chessboard(), options(lenses()[1]));
+        let seen = views(&truth(lenses()[1]), &board, 12, 0.1, &mut named("a cancelled calibration"));
+        let found = calibrate(SIZE, &board, &seen, &options).expect("a camera");
+        for patience in [0, 1, 20, 60] {
+            let asked = std::cell::Cell::new(0);
+            let is_wanted = || asked.replace(asked.get() + 1) < patience;
+            let watch = Watch::new(&is_wanted, &|_| {});
+            let refused = calibrate_watched(SIZE, &board, &seen, &options, &watch);
+            // A fit of few steps may have come to its end.
+            assert!(refused == Err(CalibrateError::Unwanted) || patience == 60 && refused.is_ok(), "{patience}");
+            asked.set(0);
+            let judged = report(&board, &seen, &options, &found, &watch);
+            assert!(judged.trials.all.len() < 3, "{patience}: {:?}", judged.trials.all);
+            // Each loop that is left asks once more.
+            assert!(asked.get() < patience + 60, "{patience}: {}", asked.get());
+        }
+    }
+
+    #[test]
+    fn a_lens_of_another_kind_is_no_larger_one() {
+        let fisheye = Distortion::Equidistant([0.0; 4]);
+        // Not so wide that no polynomial comes near it.
+        let camera = Camera::checked(SIZE, [400.0; 2], [320.0, 240.0], fisheye).expect("a camera");
+        let seen = views(&camera, &chessboard(), 20, 0.01, &mut named("a fisheye"));
+        let (_, report) = judged(&seen, &options(Distortion::PlumbBob([0.0; 5])));
+        let fit = &report.trials.fit;
+        assert!(
+            matches!(fit, Fit::OtherKind { better, ratio } if better.starts_with("equi") && *ratio < 0.9),
+            "{fit:?}"
+        );
+    }
+
+    #[test]
+    fn a_focal_length_that_a_wrong_lens_leaves_open_is_the_lens_fault() {
+        let seen = views(&truth(lenses()[1]), &chessboard(), 12, 0.1, &mut named("a bent lens"));
+        let (mut found, _) = judged(&seen, &options(lenses()[1]));
+        found.standard_deviations[0] = 0.02 * found.camera.focal_lengths()[0];
+        let better = || "plumb_bob k1".to_owned();
+        let told = |fit: Fit| weaknesses(&found, 12, 1.0, 1.0, &fit);
+        assert!(matches!(told(Fit::Right)[..], [Weakness::FocalLength { .. }]));
+        assert!(matches!(told(Fit::TooSmall { better: better(), ratio: 0.9 })[..], [Weakness::FocalLength { .. }]));
+        for fit in [Fit::TooSmall { better: better(), ratio: 0.1 }, Fit::OtherKind { better: better(), ratio: 0.1 }] {
+            let told = told(fit);
+            assert!(matches!(told[..], [Weakness::Lens { .. }]), "{told:?}");
+            assert!(told[0].to_string().contains("plumb_bob k1 predicts other views with 10 %"), "{}", told[0]);
+        }
+    }
+
+    #[test]
+    fn a_repeated_view_is_not_said_to_stand_out() {
+        let lens = lenses()[1];
+        let mut seen = views(&truth(lens), &chessboard(), 10, 0.1, &mut named("a repeated view"));
+        seen.push(seen[3].clone());
+        let (found, report) = judged(&seen, &options(lens));
+        assert_eq!((found.views[10].left_out, &report.drop[..]), (Some(LeftOut::Repeated), &[][..]));
+    }
+
+    #[test]
+    fn what_is_wrong_with_the_description_is_the_same_in_all_views() {
+        let with_gap = |gap_m| {
+            let grid = AprilGrid { columns: 6, rows: 5, tag_m: 0.03, gap_m };
+            Board::checked(Pattern::AprilGrid(grid)).expect("a board")
+        };
+        let (board, lens) = (with_gap(0.009), lenses()[1]);
+        let seen = views(&truth(lens), &board, 12, 0.02, &mut named("a wrong gap"));
+        for (gap_m, is_wrong) in [(0.009, false), (0.012, true)] {
+            let described = with_gap(gap_m);
+            let found = calibrate(SIZE, &described, &seen, &options(lens)).expect("a camera");
+            let report = report(&described, &seen, &options(lens), &found, &Watch::nobody());
+            let error = report.pattern_error.expect("points that all views show");
+            assert_eq!(error.share > 0.5, is_wrong, "{gap_m}: {error:?}");
+            assert_eq!(found.noise_ratio > 3.0, is_wrong, "{gap_m}: {}", found.noise_ratio);
+        }
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub(super) fn starts(bundle: &Bundle<'_>, guess: Option<&Camera>) -> Vec<(Camera
         .filter_map(|parameters| camera_of(bundle.size, &bundle.lens, parameters).ok())
         .map(|camera| {
             let poses: Vec<Option<CameraFromBoard>> =
-                bundle.views.iter().map(|view| pose(bundle, &camera, view)).collect();
+                bundle.views.iter().map(|view| poses(bundle, &camera, view).into_iter().next()).collect();
             (badness(bundle, &camera, &poses), camera, poses)
         })
         .filter(|(badness, ..)| badness.is_finite())
@@ -67,18 +67,18 @@ fn homography(bundle: &Bundle<'_>, view: &[SeenPoint]) -> Option<Matrix3<f64>> {
     direct_linear_transform(&pairs, &spread_of(&pairs))
 }
 
-/// The pose of a view under this camera: of the two that a plane allows, the one that explains it better.
-pub(super) fn pose(bundle: &Bundle<'_>, camera: &Camera, view: &[SeenPoint]) -> Option<CameraFromBoard> {
+/// The poses of a view under this camera: of the two that a plane allows, the one first that explains it better.
+pub(super) fn poses(bundle: &Bundle<'_>, camera: &Camera, view: &[SeenPoint]) -> Vec<CameraFromBoard> {
     let pairs = pairs(bundle, view, |seen| camera.unproject(&seen.pixel));
     // Most of a view must have rays: under a camera that does not reach its border, it has none there.
     if pairs.len() < 4 || 2 * pairs.len() < view.len() {
-        return None;
+        return Vec::new();
     }
-    let solutions = Solver::Ippe.solve(&pairs).ok()?;
+    let Ok(solutions) = Solver::Ippe.solve(&pairs) else { return Vec::new() };
     let error = |pose: &CameraFromTarget| squared_ray_error(&pairs, pose);
-    let best =
-        solutions.iter().filter(|pose| is_in_front(&pairs, pose)).min_by(|a, b| error(a).total_cmp(&error(b)))?;
-    Some(CameraFromBoard::new(best.rotation, best.translation))
+    let mut poses: Vec<&CameraFromTarget> = solutions.iter().filter(|pose| is_in_front(&pairs, pose)).collect();
+    poses.sort_by(|a, b| error(a).total_cmp(&error(b)));
+    poses.into_iter().map(|pose| CameraFromBoard::new(pose.rotation, pose.translation)).collect()
 }
 
 /// Median over the views of the median distance between seen and predicted points, px; a view without a pose, and a point without

@@ -3,7 +3,7 @@
 //! Perspective enlarges the near half of a tilted disc, and the lens bends it: at arm's length the difference is larger than
 //! everything else that is wrong with a good centroid.
 
-use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{Camera, Pixel};
 use crate::geometry::{Point, space};
@@ -17,39 +17,80 @@ pub struct DiscImage {
     pub moments: Matrix2<f64>,
 }
 
+/// Seven points of the unit disc with their shares, by which polynomials up to degree five are integrated exactly (Stroud 1971, S2
+/// 5-1): the middle, and six around it.
+const POINTS: [([f64; 2], f64); 7] = {
+    // The root of two thirds, half of it, and that times the root of three.
+    let (reach, half, high) = (0.816_496_580_927_726, 0.408_248_290_463_863, 0.707_106_781_186_547_5);
+    [
+        ([0.0, 0.0], 0.25),
+        ([reach, 0.0], 0.125),
+        ([half, high], 0.125),
+        ([-half, high], 0.125),
+        ([-reach, 0.0], 0.125),
+        ([-half, -high], 0.125),
+        ([half, -high], 0.125),
+    ]
+};
+
 impl Camera {
     /// Image of a flat, evenly bright disc; `None` if a part of it has no image. `normal` is a unit vector.
     ///
-    /// Integrated over the disc with the seven points that are exact up to degree five (Stroud 1971, S2 5-1), each weighted
-    /// by how much the image is magnified there.
+    /// Integrated over the disc with seven points, each weighted by how much the image is magnified there.
     #[must_use]
     pub fn disc_image(&self, centre: &Point<space::Camera>, normal: &Vector3<f64>, radius_m: f64) -> Option<DiscImage> {
-        let across = normal.cross(&least_aligned_axis(normal)).normalize();
-        let plane = Matrix3x2::from_columns(&[across, normal.cross(&across)]);
-        let reach = radius_m * (2.0_f64 / 3.0).sqrt();
-        let ring = (0..6).map(|k| {
-            let angle = f64::from(k) * std::f64::consts::FRAC_PI_3;
-            (Vector2::new(angle.cos(), angle.sin()) * reach, 0.125)
-        });
-        let middle = self.project(centre)?;
-        let (mut sum, mut moment, mut square) = (0.0, Vector2::zeros(), Matrix2::zeros());
-        for (offset, share) in std::iter::once((Vector2::zeros(), 0.25)).chain(ring) {
-            let (pixel, jacobian) = self.project_with_jacobian(&Point::from(centre.coords + plane * offset))?;
-            let weight = share * (jacobian * plane).determinant().abs();
-            let from_middle = pixel - middle;
-            sum += weight;
-            moment += from_middle * weight;
-            square += from_middle * from_middle.transpose() * weight;
-        }
-        let mean = moment / sum;
-        (sum > 0.0).then(|| DiscImage { centroid: middle + mean, moments: square / sum - mean * mean.transpose() })
+        let mut square = Matrix2::zeros();
+        let add = |from_middle: &Vector2<f64>, weight: f64| square += from_middle * from_middle.transpose() * weight;
+        let Sums { middle, weight, moment } = self.disc_sums(centre, normal, radius_m, add)?;
+        let mean = moment / weight;
+        Some(DiscImage { centroid: middle + mean, moments: square / weight - mean * mean.transpose() })
     }
 
     /// Centroid of that image.
     #[must_use]
     pub fn disc_centroid(&self, centre: &Point<space::Camera>, normal: &Vector3<f64>, radius_m: f64) -> Option<Pixel> {
-        Some(self.disc_image(centre, normal, radius_m)?.centroid)
+        let Sums { middle, weight, moment } = self.disc_sums(centre, normal, radius_m, |_, _| {})?;
+        Some(middle + moment / weight)
     }
+
+    /// Sums over the disc's image; `add` is told of each point how far from the middle it is, and its weight.
+    fn disc_sums(
+        &self,
+        centre: &Point<space::Camera>,
+        normal: &Vector3<f64>,
+        radius_m: f64,
+        mut add: impl FnMut(&Vector2<f64>, f64),
+    ) -> Option<Sums> {
+        let across = normal.cross(&least_aligned_axis(normal)).normalize() * radius_m;
+        let along = normal.cross(&across);
+        let mut sums = Sums { middle: self.project(centre)?, weight: 0.0, moment: Vector2::zeros() };
+        for ([x, y], share) in POINTS {
+            let point = centre.coords + across * x + along * y;
+            let inverse_depth = point.z.recip();
+            // Also false for NaN, and for depths so small that their reciprocal overflows.
+            if !(point.z > 0.0 && inverse_depth.is_finite()) {
+                return None;
+            }
+            let (pixel, by_ideal) = self.pixel_with_jacobian(&(point.xy() * inverse_depth))?;
+            // A plane is magnified by this, up to its distance from the camera, which is the same for all of it.
+            let weight = share * (by_ideal.determinant() * inverse_depth * inverse_depth * inverse_depth).abs();
+            let from_middle = pixel - sums.middle;
+            sums.weight += weight;
+            sums.moment += from_middle * weight;
+            add(&from_middle, weight);
+        }
+        (sums.weight > 0.0).then_some(sums)
+    }
+}
+
+/// Sums over the image of a disc.
+struct Sums {
+    /// Where its centre is seen, px.
+    middle: Pixel,
+    /// Area, in units of its own.
+    weight: f64,
+    /// From the middle, px, times area.
+    moment: Vector2<f64>,
 }
 
 fn least_aligned_axis(v: &Vector3<f64>) -> Vector3<f64> {

@@ -156,7 +156,7 @@ mod tests {
     /// Lights of which each outshines the sensor and glows far around, in a dark picture of 160 x 160 px. From row 64 on it is texture.
     fn glowing(lights: &[[f64; 2]]) -> Frame {
         let pixel = |x: u32, y: u32| {
-            let dark = if y >= 64 && (x + y) % 2 == 0 { 16.0 } else { 10.0 };
+            let dark = if y >= 64 && (x + y).is_multiple_of(2) { 16.0 } else { 10.0 };
             let light = |[u, v]: &[f64; 2]| {
                 let off = (f64::from(x) - u).hypot(f64::from(y) - v);
                 2000.0 * (-off * off / (2.0 * 1.3 * 1.3)).exp() + 220.0 * (-off / 4.0).exp()

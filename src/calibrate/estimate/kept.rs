@@ -1,15 +1,17 @@
 //! The camera of what is right: points and pictures that do not fit are left out, and what noise does not explain is added to the
 //! deviation of every point.
 
+use super::minima::best_pose;
 use super::prior::prior;
 use super::robust::{Fit, MEDIAN_DISTANCE};
 use super::shared::Shared;
 use super::valley;
-use super::view::{fitted, pose_alone};
+use super::view::fitted;
 use super::{CalibrateError, Calibration, LeftOut, MIN_POINTS};
 use crate::calibrate::SeenPoint;
 use crate::calibrate::bundle::{Bundle, Loss, State, covariance_of};
 use crate::calibrate::start::median;
+use crate::camera::Camera;
 use crate::geometry::CameraFromBoard;
 
 /// Points farther from their prediction than this, in units of the measured noise, do not count; of good ones 4 in 100,000 are.
@@ -145,6 +147,11 @@ fn degrees_of_freedom(bundle: &Bundle<'_>) -> Option<f64> {
 }
 
 impl Kept<'_> {
+    /// The camera as it is, without its covariance.
+    pub const fn camera(&self) -> &Camera {
+        &self.state.camera
+    }
+
     /// How many views count.
     pub const fn view_count(&self) -> usize {
         self.views.len()
@@ -201,7 +208,7 @@ impl Kept<'_> {
             let kept = place.and_then(|place| self.places.iter().position(|kept| *kept == place));
             let pose = match kept {
                 Some(kept) => Some(self.state.poses[kept]),
-                None => pose_alone(&self.bundle, &camera, seen),
+                None => best_pose(&self.bundle, &camera, seen),
             };
             let seen: Vec<SeenPoint> = seen.iter().map(|seen| less_certain(seen, self.model_error_px)).collect();
             let counts = kept.map(|_| GATE * gate_scale(self.scale)).ok_or_else(|| self.reason(place, seen.len()));

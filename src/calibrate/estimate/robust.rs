@@ -1,5 +1,6 @@
 //! A first camera that a few wrong points or pictures hardly move.
 
+use super::minima::in_deeper_minima;
 use super::prior::prior;
 use super::{CalibrateError, CalibrateOptions};
 use crate::calibrate::SeenPoint;
@@ -11,6 +12,15 @@ use crate::geometry::CameraFromBoard;
 
 /// A fit that leaves more than this, px, is none.
 const MAX_RMS_PX: f64 = 8.0;
+
+/// Starts that are tried at most.
+const STARTS: usize = 3;
+
+/// Times that the loss is fitted to the noise at most.
+const ROUNDS: u32 = 9;
+
+/// Share of a calibration that this is.
+const ROBUST_SHARE: f64 = 0.8;
 
 /// Of the parameters, the first that stands below a fraction bar; only rational lenses have it.
 const FIRST_DENOMINATOR: usize = 9;
@@ -39,9 +49,11 @@ fn held(size: [u32; 2], options: &CalibrateOptions, camera: &Camera) -> Result<C
 /// A fit that a few wrong points or views hardly move, with a pose for every view that has one, and its noise ratio.
 pub(super) fn robust_fit(bundle: &Bundle<'_>, options: &CalibrateOptions) -> Result<Fit, CalibrateError> {
     let mut best: Option<Fit> = None;
-    for (camera, poses) in starts(bundle, options.guess.as_ref()).into_iter().take(3) {
+    for (index, (camera, poses)) in starts(bundle, options.guess.as_ref()).into_iter().take(STARTS).enumerate() {
         let camera = held(bundle.size, options, &camera)?;
-        let Some(fit) = robust_fit_from(bundle, &camera, poses, &options.fixed) else { continue };
+        let share = |index: usize| ROBUST_SHARE * index as f64 / STARTS as f64;
+        let bundle = Bundle { watch: bundle.watch.part(share(index), share(index + 1)), ..*bundle };
+        let Some(fit) = robust_fit_from(&bundle, &camera, poses, &options.fixed) else { continue };
         let is_better = best.as_ref().is_none_or(|best| fit.scale < 0.9 * best.scale);
         if is_better {
             best = Some(fit);
@@ -86,13 +98,14 @@ fn robust_fit_from(
     let aspect = camera.focal_lengths()[0] / camera.focal_lengths()[1];
     let mut fit = Bundle { views: &views, freedom: Freedom::of(&bundle.lens, &held, aspect), ..*bundle };
     let mut scale = f64::INFINITY;
-    for round in 0..9 {
+    for round in 0..ROUNDS {
         let before = scale;
         scale = noise_of(&fit, &state)?.0;
         fit.prior = prior(camera, scale);
         // The first round is far off: everything is an outlier.
         fit.loss = Loss::Cauchy { c: 2.5 * scale.max(1e-9) };
         state = fit.refined(state)?;
+        fit.watch.done(f64::from(round + 1) / f64::from(ROUNDS));
         // Then all but what stands below a fraction bar: from afar such terms run to where they may go no further, and stay there.
         if round == 1 {
             fit.freedom = bundle.freedom.below(FIRST_DENOMINATOR);
@@ -104,12 +117,15 @@ fn robust_fit_from(
             break;
         }
     }
+    if let Some(mended) = in_deeper_minima(&fit, &state) {
+        state = fit.refined(mended)?;
+    }
     let (scale, scale_px) = noise_of(&fit, &state)?;
     Some(Fit { places, state, scale, scale_px })
 }
 
 /// Robust standard deviation of all residuals per axis: in units of their own, and px.
-fn noise_of(bundle: &Bundle<'_>, state: &State) -> Option<(f64, f64)> {
+pub(super) fn noise_of(bundle: &Bundle<'_>, state: &State) -> Option<(f64, f64)> {
     let mut ratios = Vec::new();
     let mut distances = Vec::new();
     for (view, pose) in bundle.views.iter().zip(&state.poses) {

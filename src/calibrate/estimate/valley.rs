@@ -66,6 +66,7 @@ mod tests {
     use super::*;
     use crate::calibrate::bundle::Loss;
     use crate::calibrate::freedom::parameters_of;
+    use crate::calibrate::watch::Watch;
     use crate::random::{case, normal};
     use crate::scene::boards::STUDY_LENSES;
 
@@ -80,8 +81,16 @@ mod tests {
             let slices: Vec<_> = views.iter().map(Vec::as_slice).collect();
             let freedom = super::super::freedom_of(SIZE, &options(lens)).expect("free");
             let prior = super::super::prior(&found.camera, 1.0);
-            let bundle =
-                Bundle { size: SIZE, board: &board, views: &slices, lens, freedom, loss: Loss::Squares, prior };
+            let bundle = Bundle {
+                size: SIZE,
+                board: &board,
+                views: &slices,
+                lens,
+                freedom,
+                loss: Loss::Squares,
+                prior,
+                watch: Watch::nobody(),
+            };
             let poses = found.views.iter().map(|view| view.camera_from_board.expect("a pose")).collect();
             let state = State { camera: found.camera, parameters: parameters_of(&found.camera), poses };
             // So short a part of it that the second order is all there is.

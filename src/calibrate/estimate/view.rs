@@ -2,23 +2,15 @@
 
 use nalgebra::Vector2;
 
+use super::minima::best_pose;
 use super::{FittedView, LeftOut};
 use crate::board::Board;
 use crate::calibrate::SeenPoint;
 use crate::calibrate::bundle::{Bundle, Loss};
 use crate::calibrate::freedom::{Freedom, Parameters};
-use crate::calibrate::start::{pose, state_of};
+use crate::calibrate::watch::Watch;
 use crate::camera::Camera;
 use crate::geometry::CameraFromBoard;
-
-/// The best pose of a view under a camera that does not rest on it.
-pub(super) fn pose_alone(bundle: &Bundle<'_>, camera: &Camera, view: &[SeenPoint]) -> Option<CameraFromBoard> {
-    let start = pose(bundle, camera, view)?;
-    let views = [view];
-    let alone = Bundle { views: &views, freedom: Freedom::none(), ..*bundle };
-    // Points outside the lens' range leave no cost to lower; the start is what there is.
-    Some(alone.refined(state_of(camera, vec![start])).map_or(start, |state| state.poses[0]))
-}
 
 /// Root mean square distance, px, of the points of a view from where a camera that does not rest on it predicts them, in the best pose.
 pub(in crate::calibrate) fn rms_of_view_alone(board: &Board, camera: &Camera, view: &[SeenPoint]) -> Option<f64> {
@@ -30,8 +22,9 @@ pub(in crate::calibrate) fn rms_of_view_alone(board: &Board, camera: &Camera, vi
         freedom: Freedom::none(),
         loss: Loss::Squares,
         prior: Parameters::zeros(),
+        watch: Watch::nobody(),
     };
-    let pose = pose_alone(&bundle, camera, view)?;
+    let pose = best_pose(&bundle, camera, view)?;
     let squares: Option<Vec<f64>> =
         view.iter().map(|seen| bundle.residual(camera, &pose, seen).map(|r| r.norm_squared())).collect();
     squares.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())

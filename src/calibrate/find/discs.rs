@@ -7,7 +7,7 @@ mod near;
 mod place;
 mod shade;
 
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Vector2};
 
 use super::Luma;
 use crate::camera::Pixel;
@@ -34,6 +34,12 @@ const MIN_AXES_RATIO: f64 = 0.22;
 /// How far, as a ratio, the area may be off that of the ellipse of the same moments: so much, and a pixel of its outline.
 const AREA_OFF: f64 = 0.06;
 const AREA_OFF_PX: f64 = 0.9;
+
+/// It is looked so far beyond its rim, in so many directions, and so many of these are lighter: something dark may lie beside it.
+const BEYOND_RADII: f64 = 1.3;
+const BEYOND_PX: f64 = 1.0;
+const AROUND: u32 = 8;
+const MIN_LIGHTER: usize = 6;
 
 /// More discs than this are clutter; those that are most like ellipses stay.
 const MAX_DISCS: usize = 6_000;
@@ -88,8 +94,24 @@ impl Disc {
         let is_disc = area >= MIN_AREA_PX
             && short > MIN_AXES_RATIO * long
             && 2.0 * long > 0.5 * height
-            && off < AREA_OFF + AREA_OFF_PX / area.sqrt();
+            && off < AREA_OFF + AREA_OFF_PX / area.sqrt()
+            && disc.is_lighter_around(picture);
         is_disc.then_some((off, disc))
+    }
+
+    /// Whether it is lighter around it than in its middle, on nearly all sides. Where light changes slowly, thresholds that differ
+    /// from tile to tile cut out specks which are darker on one side, in a lattice as that of the tiles.
+    fn is_lighter_around(&self, picture: &Luma) -> bool {
+        let [_, long] = self.half_axes_px();
+        let Some(px_from_radii) = self.radii_from_px().and_then(Matrix2::try_inverse) else { return false };
+        let middle = picture.nearest(&self.pixel);
+        let lighter = (0..AROUND).filter(|side| {
+            let angle = f64::from(*side) * std::f64::consts::TAU / f64::from(AROUND);
+            let way = px_from_radii * Vector2::new(angle.cos(), angle.sin());
+            let beyond = self.pixel + way * (BEYOND_RADII + BEYOND_PX / way.norm().max(1e-3 * long));
+            picture.nearest(&beyond) > middle
+        });
+        lighter.count() >= MIN_LIGHTER
     }
 
     /// Area of the ellipse of its moments, px.
@@ -112,5 +134,29 @@ impl Disc {
         let root =
             (ellipse + Matrix2::identity() * root_determinant) / (ellipse.trace() + 2.0 * root_determinant).sqrt();
         root.try_inverse()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_that_changes_slowly_has_no_discs() {
+        let (width, height) = (640, 480);
+        let mut specks = 0;
+        for phase in 0..6 {
+            let sample = |index: usize| {
+                let (x, y) = ((index % width) as f64, (index / width) as f64 + 40.0 * f64::from(phase));
+                let light = 120.0 + 60.0 * (x / 70.0).sin() * (y / 60.0).cos() + 25.0 * (x / 23.0 + y / 31.0).sin();
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "35 to 205")]
+                let code = light.round() as u8;
+                code
+            };
+            let picture = Luma { width, height, samples: (0..width * height).map(sample).collect() };
+            specks += Disc::all(&picture).len();
+        }
+        // What is dark in its middle, in a tile or so, may look like one.
+        assert!(specks < 60, "{specks}");
     }
 }

@@ -11,6 +11,7 @@ use super::inputs::{frames_of, pattern_of, unreadable, unreadable_source};
 use super::outputs::{is_printed, one_is_printed, write};
 use super::{SettingsArgs, Stop, runtime};
 use crate::board::Board;
+use crate::calibrate::watch::Watch;
 use crate::frame::Limits;
 use crate::shell::console::{complain, note, print_line, progress};
 use crate::shell::fault::{Fault, FaultKind};
@@ -90,11 +91,9 @@ impl Calibrate {
             complain(&sighting.to_string());
         }
         let bar = progress(100, "judging");
-        let done = estimated(size, &sightings, &request, &mut |share| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a hundred")]
-            bar.set_position((100.0 * share) as u64);
-            true
-        });
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a hundred")]
+        let tell = |share: f64| bar.set_position((100.0 * share) as u64);
+        let done = estimated(size, &sightings, &request, &Watch::new(&|| true, &tell));
         bar.finish_and_clear();
         let Estimated { wire, page } = done.map_err(|refusal| refusal.fault)?;
         // Those that the estimate leaves out; the others have been named.

@@ -8,6 +8,7 @@ mod thumbnail;
 use serde_json::{Value, json};
 
 use super::jobs::{Attachment, Cancel, Input, Kind, Outcome, REPORT, Shard, Thing};
+use crate::calibrate::watch::Watch;
 use crate::frame::Limits;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store;
@@ -34,6 +35,12 @@ impl Kind for CalibrationKind {
         u32::try_from(input.files.names().len()).map_err(|error| Fault::new(FaultKind::TooLarge, error.to_string()))
     }
 
+    /// From 48 pictures of 640 x 480 the camera takes three times as long as to find chessboards, fourteen times as long as dots; from
+    /// pictures of 12 million pixels a third.
+    fn finish_shards(&self, shards: u32) -> u32 {
+        shards
+    }
+
     fn run_shard(&self, input: &Input, number: u32, _cancel: &Cancel) -> Result<Shard, Fault> {
         let request: CalibrationRequest = from_value(input.request.clone())?;
         let board = request.board()?;
@@ -51,7 +58,9 @@ impl Kind for CalibrationKind {
             })?;
         let size = usual_size(&sightings);
         refuse_other_sizes(&mut sightings, size);
-        let estimated = match estimated(size, &sightings, &request, &mut |_| !cancel.is_cancelled()) {
+        let (is_wanted, tell) = (|| !cancel.is_cancelled(), |share| cancel.done(share));
+        let watch = Watch::new(&is_wanted, &tell);
+        let estimated = match estimated(size, &sightings, &request, &watch) {
             Ok(estimated) => estimated,
             Err(Refusal { reason, missing, fault }) => {
                 let views: Vec<Value> = sightings

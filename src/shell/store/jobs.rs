@@ -14,7 +14,7 @@ use super::presence::Presence;
 use super::queue::Steps;
 use super::{Database, StoreError, either, postgres, sqlite};
 
-pub use job::{Ending, Job, JobEvent, JobFile, JobStatus, Made, NewJob};
+pub use job::{Ending, Finishing, Job, JobEvent, JobFile, JobStatus, Made, NewJob};
 
 /// The jobs of a store.
 #[derive(Clone, Debug)]
@@ -156,12 +156,21 @@ impl JobStore {
         either!(&self.database, database => database.make_job(new, most).await)
     }
 
-    /// The job is prepared: it has so many shards, and each is to be computed. False if somebody was faster or the job has ended.
+    /// The job is prepared: it has so many shards, and each is to be computed; to make one result of them counts as so many. False
+    /// if somebody was faster or the job has ended.
     ///
     /// # Errors
     /// If the store cannot be written.
-    pub async fn prepared(&self, id: &str, shards: u32) -> Result<bool, StoreError> {
-        either!(&self.database, database => database.job_prepared(id, shards).await)
+    pub async fn prepared(&self, id: &str, shards: u32, finish_shards: u32) -> Result<bool, StoreError> {
+        either!(&self.database, database => database.job_prepared(id, shards, finish_shards).await)
+    }
+
+    /// So many thousandths of making one result of all shards are done. False if it is not more than was known, or the job has ended.
+    ///
+    /// # Errors
+    /// If the store cannot be written.
+    pub async fn finishing(&self, id: &str, permille: u32, message: &str) -> Result<bool, StoreError> {
+        either!(&self.database, database => database.job_finishing(id, permille, message).await)
     }
 
     /// Stores a shard's result, once, and has the job finished when it was the last. False if it was stored already or the job has

@@ -165,7 +165,7 @@ pub struct CalibrationWire {
     pub widest_turn_rad: f64,
     /// How lens models predict views that they do not rest on; the first is the chosen one.
     pub models: Vec<ModelTrialWire>,
-    /// What these say of the chosen model: `right`, `too_small`, `too_large`, `unknown`.
+    /// What these say of the chosen model: `right`, `too_small`, `too_large`, `other_kind`, `unknown`.
     pub model_fit: &'static str,
     /// Pictures that are better left out.
     pub drop: Vec<String>,

@@ -5,7 +5,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::Problem;
-use crate::shell::store::jobs::{Job, JobEvent, JobFile, JobStatus};
+use crate::shell::store::jobs::{Finishing, Job, JobEvent, JobFile, JobStatus};
 
 /// A job.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize, ToSchema)]
@@ -44,7 +44,7 @@ pub struct JobWire {
 impl From<Job> for JobWire {
     fn from(job: Job) -> Self {
         Self {
-            progress: progress(job.status, job.done, job.shards),
+            progress: progress(job.status, job.done, job.shards, job.finishing),
             id: job.id,
             kind: job.kind,
             status: job.status,
@@ -81,7 +81,7 @@ pub struct JobEventWire {
 impl From<JobEvent> for JobEventWire {
     fn from(event: JobEvent) -> Self {
         Self {
-            progress: progress(event.status, event.done, event.shards),
+            progress: progress(event.status, event.done, event.shards, event.finishing),
             status: event.status,
             shards: event.shards,
             shards_done: event.done,
@@ -91,11 +91,14 @@ impl From<JobEvent> for JobEventWire {
     }
 }
 
-/// Putting the parts together counts as one of them.
-fn progress(status: JobStatus, done: u32, shards: Option<u32>) -> f64 {
+/// Putting the parts together counts as some of them.
+fn progress(status: JobStatus, done: u32, shards: Option<u32>, finishing: Finishing) -> f64 {
     match (status, shards) {
         (JobStatus::Succeeded, _) => 1.0,
-        (_, Some(shards)) => f64::from(done) / (f64::from(shards) + 1.0),
+        (_, Some(shards)) => {
+            let finish = f64::from(finishing.shards);
+            (f64::from(done) + finish * f64::from(finishing.permille) / 1000.0) / (f64::from(shards) + finish)
+        }
         (_, None) => 0.0,
     }
 }

@@ -1,5 +1,7 @@
 //! A lattice of the picture as part of a board.
 
+use std::collections::BTreeMap;
+
 use super::super::Luma;
 use super::lattice::{Lattice, Place, steps};
 use crate::board::{CircleLayout, Circles};
@@ -139,13 +141,15 @@ pub(super) fn placement(lattice: &Lattice, picture: &Luma, circles: &Circles) ->
         lattice.iter().map(|(place, disc, _)| (extent.by_lattice(place), disc)).unzip();
     let mut best: Option<Laid> = None;
     for lay in Lay::all(&places, &extent) {
-        let points = places.iter().zip(&discs).filter(|(place, _)| extent.holds(lay.on_board(**place)));
-        let mut points: Vec<(usize, usize)> =
-            points.map(|(place, disc)| (extent.point(lay.on_board(*place)), *disc)).collect();
+        let on_board = places.iter().map(|place| lay.on_board(*place));
+        let points = on_board.clone().zip(&discs).filter(|(place, _)| extent.holds(*place));
+        let mut points: Vec<(usize, usize)> = points.map(|(place, disc)| (extent.point(place), *disc)).collect();
         let strays = places.len() - points.len();
+        let is_whole = points.len() == (circles.columns * circles.rows) as usize;
+        let is_clutter = is_whole && extent.is_clutter(on_board) || strays as f64 <= MAX_STRAYS * places.len() as f64;
         let is_too_few = best.as_ref().is_some_and(|best| points.len() < best.points.len());
         let is_chance = points.len() < least_points(circles);
-        if is_too_few || is_chance || strays as f64 > MAX_STRAYS * places.len() as f64 {
+        if is_too_few || is_chance || !is_clutter {
             continue;
         }
         let back = |place: Place| extent.lattice_by(lay.off_board(place));
@@ -165,6 +169,19 @@ pub(super) fn least_points(circles: &Circles) -> usize {
 }
 
 impl Extent {
+    /// Whether of these places those beside the board are no line of a larger one: of no line more than half.
+    fn is_clutter(&self, places: impl Iterator<Item = Place>) -> bool {
+        let size = [self.columns, self.rows];
+        let mut lines: BTreeMap<(usize, i32), i32> = BTreeMap::new();
+        for place in places {
+            for axis in [0, 1].into_iter().filter(|axis| !(0..size[*axis]).contains(&place[*axis])) {
+                *lines.entry((axis, place[axis])).or_default() += 1;
+            }
+        }
+        let per_place = if self.layout == CircleLayout::Symmetric { 1 } else { 2 };
+        lines.iter().all(|((axis, _), count)| 2 * per_place * count <= size[1 - axis])
+    }
+
     /// Whether the board ends where the lattice does or beyond the picture, and most of it that is in the picture is seen.
     fn is_certain(&self, lattice: &Lattice, picture: &Luma, back: impl Fn(Place) -> Place) -> bool {
         let mut sides = [[0_usize; 2]; 4];

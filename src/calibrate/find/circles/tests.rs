@@ -116,6 +116,32 @@ fn another_size_two_boards_and_none_are_told_apart() {
 }
 
 #[test]
+fn a_few_blobs_beside_a_whole_board_make_no_larger_one_and_a_whole_line_does() {
+    let view = View { turn_deg: 4.0, fill: 0.55, ..View::of(GRID, PINHOLE) };
+    let at: Vec<_> = view.truth().into_iter().map(|pixel| pixel.expect("in view")).collect();
+    let with = |rows: &[usize]| {
+        let mut samples = view.frame(9).rgb().into_owned();
+        for row in rows {
+            let last = at[7 * row + 6];
+            let step = last - at[7 * row + 5];
+            for (index, pixel) in samples.chunks_exact_mut(3).enumerate() {
+                let place = crate::camera::Pixel::new((index % 520) as f64, (index / 520) as f64);
+                if (place - last - step).norm() < 0.3 * step.norm() {
+                    pixel.fill(20);
+                }
+            }
+        }
+        Frame::checked(520, 400, Pixels::Rgb(samples), Coding::LOSSLESS).expect("a frame")
+    };
+    for rows in [&[][..], &[1, 2], &[0, 4]] {
+        let seen = find(&with(rows), &view.board).unwrap_or_else(|error| panic!("{rows:?}: {error}"));
+        assert_eq!(seen.len(), 35, "{rows:?}");
+    }
+    let larger = find(&with(&[0, 1, 2, 3, 4]), &view.board);
+    assert!(matches!(larger, Err(NoBoard::OtherSize { found_columns: 8, found_rows: 5, .. })), "{larger:?}");
+}
+
+#[test]
 fn what_runs_out_of_the_picture_is_not_said_to_be_of_another_size() {
     // Of which two or three rows are less than is needed.
     let mut cut_off = 0;

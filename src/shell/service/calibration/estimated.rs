@@ -6,12 +6,16 @@ use super::page;
 use super::sighting::{Sighting, nothing_seen};
 use crate::calibrate::SeenPoint;
 use crate::calibrate::coverage::CELLS;
-use crate::calibrate::estimate::{CalibrateError, Calibration, calibrate};
+use crate::calibrate::estimate::{CalibrateError, Calibration, calibrate_watched};
 use crate::calibrate::held_out::Fit;
-use crate::calibrate::report::{Report, report};
+use crate::calibrate::report::{Report, Weakness, report};
+use crate::calibrate::watch::Watch;
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::wire::calibration::{CalibrationView, CalibrationWire, CoverageWire, ModelTrialWire, NextViewWire};
 use crate::shell::wire::{CalibrationRequest, CameraWire};
+
+/// Share of all of it that the camera takes; the rest is its judgement, which makes some forty others.
+const FIT_SHARE: f64 = 0.1;
 
 /// A camera with all that is said of it.
 #[derive(Clone, Debug)]
@@ -33,7 +37,7 @@ pub struct Refusal {
     pub fault: Fault,
 }
 
-/// The camera of these pictures, of which the usual one has this size. `go_on` is told which share of the judgement is done, and says
+/// The camera of these pictures, of which the usual one has this size. `watch` is told which share is done, and says
 /// whether it is still wanted.
 ///
 /// # Errors
@@ -42,7 +46,7 @@ pub fn estimated(
     size: Option<[u32; 2]>,
     sightings: &[Sighting],
     request: &CalibrationRequest,
-    go_on: &mut dyn FnMut(f64) -> bool,
+    watch: &Watch<'_>,
 ) -> Result<Estimated, Refusal> {
     let plain = |reason, fault| Refusal { reason, missing: Vec::new(), fault };
     let board = request.board().map_err(|fault| plain("no_board", fault))?;
@@ -52,15 +56,19 @@ pub fn estimated(
     let views: Vec<Vec<SeenPoint>> =
         sightings.iter().map(|seen| if seen.reason.is_none() { seen.seen() } else { Vec::new() }).collect();
     let options = request.options();
-    let found = calibrate(size, &board, &views, &options).map_err(|error| refusal_of(&error))?;
-    let mut is_wanted = true;
-    let judged = report(&board, &views, &options, &found, &mut |share| is_wanted &= go_on(share));
-    if !is_wanted {
-        return Err(plain("cancelled", Fault::new(FaultKind::Conflict, "the calibration was cancelled")));
+    let found = calibrate_watched(size, &board, &views, &options, &watch.part(0.0, FIT_SHARE))
+        .map_err(|error| refusal_of(&error))?;
+    let judged = report(&board, &views, &options, &found, &watch.part(FIT_SHARE, 1.0));
+    if !watch.is_wanted() {
+        return Err(refusal_of(&CalibrateError::Unwanted));
     }
     if !judged.weaknesses.is_empty() && !request.force {
         let missing = judged.weaknesses.iter().map(ToString::to_string).collect();
-        return Err(weak_geometry(missing, ". \"force\" takes the camera all the same"));
+        let reason = match judged.weaknesses[0] {
+            Weakness::Lens { .. } => "no_fit",
+            _ => "weak_geometry",
+        };
+        return Err(refused(reason, missing, ". \"force\" takes the camera all the same"));
     }
     let wire = wire_of(sightings, &found, &judged);
     let page = page::page(&board, request, sightings, &found, &judged, &wire)
@@ -68,14 +76,21 @@ pub fn estimated(
     Ok(Estimated { wire, page })
 }
 
-fn weak_geometry(missing: Vec<String>, hint: &str) -> Refusal {
-    let detail = format!("weak_geometry: {}{hint}", missing.join("; "));
-    Refusal { reason: "weak_geometry", missing, fault: Fault::new(FaultKind::Senseless, detail) }
+fn refused(reason: &'static str, missing: Vec<String>, hint: &str) -> Refusal {
+    let detail = format!("{reason}: {}{hint}", missing.join("; "));
+    Refusal { reason, missing, fault: Fault::new(FaultKind::Senseless, detail) }
 }
 
 fn refusal_of(error: &CalibrateError) -> Refusal {
     match error {
-        CalibrateError::TooFewViews { .. } | CalibrateError::Open => weak_geometry(vec![error.to_string()], ""),
+        CalibrateError::TooFewViews { .. } | CalibrateError::Open => {
+            refused("weak_geometry", vec![error.to_string()], "")
+        }
+        CalibrateError::Unwanted => Refusal {
+            reason: "cancelled",
+            missing: Vec::new(),
+            fault: Fault::new(FaultKind::Conflict, error.to_string()),
+        },
         CalibrateError::NoFit { .. } | CalibrateError::GuessSize { .. } | CalibrateError::Camera(_) => Refusal {
             reason: "no_fit",
             missing: Vec::new(),
@@ -138,6 +153,7 @@ fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> Cali
         model_fit: match report.trials.fit {
             Fit::Right => "right",
             Fit::TooSmall { .. } => "too_small",
+            Fit::OtherKind { .. } => "other_kind",
             Fit::TooLarge { .. } => "too_large",
             Fit::Unknown => "unknown",
         },
@@ -151,34 +167,18 @@ fn wire_of(sightings: &[Sighting], found: &Calibration, report: &Report) -> Cali
 /// Errors this many times the pictures' noise are told of.
 const MUCH_NOISE: f64 = 3.0;
 
+/// Points of the board that have more than this share of their squared errors in common in all pictures are not where it is said.
+const MUCH_IN_COMMON: f64 = 0.5;
+
 /// What to do, the most pressing first.
 fn advice(found: &Calibration, report: &Report, drop: &[String]) -> Vec<String> {
     let mut advice: Vec<String> = report.weaknesses.iter().map(ToString::to_string).collect();
-    if found.noise_ratio > MUCH_NOISE {
-        let widened = if found.design_effect > 1.0 {
-            format!(
-                "within a picture they go together, so that deviations are {:.1} times those of independent errors",
-                found.design_effect.sqrt()
-            )
-        } else {
-            "within a picture they do not go together".into()
-        };
-        advice.push(format!(
-            "errors are {:.1} times what the noise of the pictures explains, as of a board that is not flat or not true: {widened}; what all pictures have in common is not in them",
-            found.noise_ratio
-        ));
-    }
-    match &report.trials.fit {
-        Fit::TooSmall { better, ratio } => advice.push(format!(
-            "the lens model is too small: {better} predicts other views with {:.0} % of the error",
-            100.0 * ratio
-        )),
-        Fit::TooLarge { enough, .. } => {
-            advice
-                .push(format!("the lens model is larger than these views need: {enough} predicts other views as well"));
-        }
-        Fit::Unknown => advice.push("too few views to tell whether the lens model is right: take more".into()),
-        Fit::Right => {}
+    let is_told = report.weaknesses.iter().any(|weakness| matches!(weakness, Weakness::Lens { .. }));
+    advice.extend(of_lens(&report.trials.fit).filter(|_| report.lacks_other_lens() && !is_told));
+    // What a wrong lens leaves says nothing about the board.
+    if !report.lacks_other_lens() {
+        advice.extend(of_noise(found, report));
+        advice.extend(of_lens(&report.trials.fit));
     }
     if !drop.is_empty() {
         advice.push(format!("leave out {}: the error stands out", drop.join(", ")));
@@ -192,4 +192,46 @@ fn advice(found: &Calibration, report: &Report, drop: &[String]) -> Vec<String> 
         ));
     }
     advice
+}
+
+fn of_noise(found: &Calibration, report: &Report) -> Option<String> {
+    if found.noise_ratio <= MUCH_NOISE {
+        return None;
+    }
+    let ratio = found.noise_ratio;
+    if let Some(error) = report.pattern_error.filter(|error| error.share > MUCH_IN_COMMON) {
+        return Some(format!(
+            "the pattern's description may be wrong: errors are {ratio:.0} times what the noise of the pictures explains, and in all pictures the same points are off, by {:.2} mm. Compare its numbers with the board, and measure the print",
+            1e3 * error.rms_m
+        ));
+    }
+    let widened = if found.design_effect > 1.0 {
+        format!(
+            "within a picture they go together, so that deviations are {:.1} times those of independent errors",
+            found.design_effect.sqrt()
+        )
+    } else {
+        "within a picture they do not go together".into()
+    };
+    Some(format!(
+        "errors are {ratio:.1} times what the noise of the pictures explains, as of a board that is not flat or not true: {widened}; what all pictures have in common is not in them"
+    ))
+}
+
+fn of_lens(fit: &Fit) -> Option<String> {
+    match fit {
+        Fit::TooSmall { better, ratio } => Some(format!(
+            "the lens model is too small: {better} predicts other views with {:.0} % of the error",
+            100.0 * ratio
+        )),
+        Fit::OtherKind { better, ratio } => Some(format!(
+            "the lens model does not fit, the lens is of another kind: {better} predicts other views with {:.0} % of the error",
+            100.0 * ratio
+        )),
+        Fit::TooLarge { enough, .. } => {
+            Some(format!("the lens model is larger than these views need: {enough} predicts other views as well"))
+        }
+        Fit::Unknown => Some("too few views to tell whether the lens model is right: take more".into()),
+        Fit::Right => None,
+    }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::Value;
+use tokio::sync::watch;
 
 use crate::shell::fault::{Fault, FaultKind};
 use crate::shell::store;
@@ -22,6 +23,11 @@ pub trait Kind: fmt::Debug + Send + Sync + 'static {
     /// # Errors
     /// Why the job fails.
     fn shard_count(&self, input: &Input) -> Result<u32, Fault>;
+
+    /// As how many shards it counts to make the result of all of them, where there are so many.
+    fn finish_shards(&self, _shards: u32) -> u32 {
+        1
+    }
 
     /// Computes one shard, `number` from 0. What is wrong with a part of the input is a result too, where the rest can go on
     /// without it.
@@ -126,18 +132,33 @@ pub struct Thing {
     pub body: String,
 }
 
-/// Whether work is still wanted. What takes long asks now and then.
+/// Whether work is still wanted. What takes long asks now and then, and tells how far it is.
 #[derive(Clone, Debug, Default)]
-pub struct Cancel(Arc<AtomicBool>);
+pub struct Cancel {
+    is_cancelled: Arc<AtomicBool>,
+    heard: Option<Arc<watch::Sender<f64>>>,
+}
 
 impl Cancel {
     /// Whether to give up.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.is_cancelled.load(Ordering::Relaxed)
+    }
+
+    /// This share of it is done, 0 to 1. Only of what makes the result of all shards anybody hears.
+    pub fn done(&self, share: f64) {
+        if let Some(heard) = &self.heard {
+            heard.send_replace(share);
+        }
+    }
+
+    /// The same, and it is heard how far it is.
+    pub(super) fn heard(&self, by: watch::Sender<f64>) -> Self {
+        Self { heard: Some(Arc::new(by)), ..self.clone() }
     }
 
     pub(super) fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.is_cancelled.store(true, Ordering::Relaxed);
     }
 }

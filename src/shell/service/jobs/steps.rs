@@ -1,8 +1,11 @@
 //! One step of a job after the other: prepare, each shard, finish. Each may be tried again at any time, and by two at once: what
 //! counts is what the store takes first.
 
+use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+use tokio::sync::watch;
 
 use super::Jobs;
 use super::kind::{Input, Kind, Outcome};
@@ -16,6 +19,9 @@ use crate::shell::wire::Problem;
 const MAX_ATTEMPTS: usize = 10;
 /// How often somebody who computes looks whether the job is still wanted, should another process have cancelled it.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// How often it is told how far a result is.
+const TELL_EVERY: Duration = Duration::from_millis(250);
 
 /// Why a step is not done.
 #[derive(Debug)]
@@ -74,8 +80,12 @@ impl<T: Into<Fault>> From<T> for Broken {
 
 async fn prepare(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>) -> Result<(), Broken> {
     let input = Input::of(job, jobs.files());
-    let Some(shards) = compute(jobs, job, move |_| kind.shard_count(&input)).await? else { return Ok(()) };
-    jobs.store().prepared(&job.id, shards).await?;
+    let counted = move |_: &super::Cancel| {
+        let shards = kind.shard_count(&input)?;
+        Ok((shards, kind.finish_shards(shards)))
+    };
+    let Some((shards, finish_shards)) = compute(jobs, job, counted).await? else { return Ok(()) };
+    jobs.store().prepared(&job.id, shards, finish_shards).await?;
     jobs.changed().await;
     Ok(())
 }
@@ -98,9 +108,13 @@ async fn shard(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>, number: u32) -> Resu
 async fn finish(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>) -> Result<(), Broken> {
     let input = Input::of(job, jobs.files());
     let shards = jobs.store().shards(&job.id).await?;
-    let Some(outcome) = compute(jobs, job, move |cancel| kind.finish(&input, shards, cancel)).await? else {
-        return Ok(());
+    let (heard, share) = watch::channel(0.0);
+    let computed = compute(jobs, job, move |cancel| kind.finish(&input, shards, &cancel.heard(heard)));
+    let computed = tokio::select! {
+        computed = computed => computed?,
+        never = pass_on(jobs, &job.id, share) => match never {},
     };
+    let Some(outcome) = computed else { return Ok(()) };
     let Outcome { result, problem, attachments, things } = outcome;
     for attachment in attachments {
         jobs.files().attach(&job.id, attachment.name, attachment.content).await?;
@@ -115,6 +129,22 @@ async fn finish(jobs: &Jobs, job: &Job, kind: Arc<dyn Kind>) -> Result<(), Broke
     let message = JobStatus::Succeeded.name().into();
     let ending = Ending { status: JobStatus::Succeeded, result: Some(result), problem: None, message };
     Ok(end(jobs, job, &ending).await?)
+}
+
+/// Tells those who watch how far the result of all shards is, now and then, for as long as it is asked to.
+async fn pass_on(jobs: &Jobs, id: &str, mut share: watch::Receiver<f64>) -> Infallible {
+    while share.changed().await.is_ok() {
+        tokio::time::sleep(TELL_EVERY).await;
+        let share = share.borrow_and_update().clamp(0.0, 1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a thousand")]
+        let permille = (1000.0 * share) as u32;
+        // One that cannot be told is followed by others.
+        let message = format!("{:.0} % of the result of all parts", 100.0 * share);
+        if jobs.store().finishing(id, permille, &message).await.unwrap_or(false) {
+            jobs.changed().await;
+        }
+    }
+    std::future::pending().await
 }
 
 /// On a thread for jobs; `None` if the job has ended in the meantime.

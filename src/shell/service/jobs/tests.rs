@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::*;
 use crate::shell::store::trial::{Place, places};
+use crate::shell::wire::JobEventWire;
 
 /// Squares of the numbers below `shards`, each after `sleep_ms`.
 #[derive(Debug, Default)]
@@ -41,7 +42,20 @@ impl Kind for Squares {
         Ok(Shard { result: json!(number * number), message: format!("{number} squared") })
     }
 
-    fn finish(&self, input: &Input, shards: Vec<Value>, _: &Cancel) -> Result<Outcome, Fault> {
+    fn finish_shards(&self, shards: u32) -> u32 {
+        shards
+    }
+
+    fn finish(&self, input: &Input, shards: Vec<Value>, cancel: &Cancel) -> Result<Outcome, Fault> {
+        let steps = input.request["finish_steps"].as_u64().unwrap_or_default();
+        for step in 0..steps {
+            if cancel.is_cancelled() {
+                self.told.fetch_add(1, Ordering::SeqCst);
+                return Err(Fault::new(FaultKind::Internal, "cancelled"));
+            }
+            std::thread::sleep(Duration::from_millis(5));
+            cancel.done((step + 1) as f64 / steps as f64);
+        }
         let files: Vec<&str> = input.files.names().collect();
         let attachments = vec![Attachment { name: REPORT, content: format!("<p>{}</p>", shards.len()).into_bytes() }];
         Ok(Outcome { result: json!({"squares": shards, "files": files}), attachments, ..Outcome::default() })
@@ -125,6 +139,29 @@ async fn a_job_is_prepared_computed_and_finished() {
         assert_eq!(process.ended(&empty.id).await.result, Some(squares(0)));
         process.stop(LONG).await;
         assert!(!received(&place).join(&job.id).join("uploads").exists(), "uploads are kept");
+    }
+}
+
+#[tokio::test]
+async fn how_far_a_result_is_is_told_and_it_is_given_up_when_the_job_is_cancelled() {
+    for place in places().await {
+        let process = Process::with(&place, JobSettings { threads: 1, ..JobSettings::default() }).await;
+        let job = process.make(json!({"shards": 3, "finish_steps": 300})).await;
+        process.ended(&job.id).await;
+        let told = process.jobs.events(&job.id, 0).await.expect("reads");
+        let finishing: Vec<u32> = told.iter().map(|event| event.finishing.permille).collect();
+        assert!(finishing.is_sorted() && finishing.iter().filter(|permille| **permille > 0).count() > 1, "{told:?}");
+        let shares: Vec<f64> = told.into_iter().map(|event| JobEventWire::from(event).progress).collect();
+        assert!(shares.is_sorted() && shares.iter().any(|share| (0.55..0.95).contains(share)), "{shares:?}");
+
+        let endless = process.make(json!({"shards": 3, "finish_steps": 1_000_000})).await;
+        process.when(&endless.id, |job| job.finishing.permille > 0 || job.done == 3).await;
+        assert!(matches!(process.jobs.delete(SQUARES, &endless.id).await, Ok(Deleted::Cancelled(_))));
+        // The only thread is free for the next.
+        let next = process.make(json!({"shards": 1})).await;
+        assert_eq!(process.ended(&next.id).await.status, JobStatus::Succeeded);
+        assert_eq!(process.kind.told.load(Ordering::SeqCst), 1);
+        process.stop(LONG).await;
     }
 }
 

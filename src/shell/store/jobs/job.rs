@@ -51,6 +51,15 @@ pub struct JobFile {
     pub bytes: u64,
 }
 
+/// How far the step is that makes one result of all shards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Finishing {
+    /// As how many shards it counts.
+    pub shards: u32,
+    /// Thousandths of it that are done.
+    pub permille: u32,
+}
+
 /// A job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
@@ -70,6 +79,8 @@ pub struct Job {
     pub shards: Option<u32>,
     /// Those whose result is stored.
     pub done: u32,
+    /// How far it is with what comes after them.
+    pub finishing: Finishing,
     /// What came of it.
     pub result: Option<Value>,
     /// Why it failed: the problem of the contract.
@@ -128,6 +139,8 @@ pub struct JobEvent {
     pub shards: Option<u32>,
     /// Those that were done.
     pub done: u32,
+    /// How far it was with what comes after them.
+    pub finishing: Finishing,
     /// In words.
     pub message: String,
     /// When, us since 1970.

@@ -54,8 +54,8 @@ async fn a_shard_counts_once_and_a_job_ends_once() {
         let store = place.open().await.jobs();
         store.make(&job("1", None, "x"), 9).await.expect("makes");
         assert!(!store.put_shard("1", 0, &json!(1), "early").await.expect("looks"), "it is not running");
-        assert!(store.prepared("1", 2).await.expect("stores"));
-        assert!(!store.prepared("1", 3).await.expect("looks"), "twice");
+        assert!(store.prepared("1", 2, 1).await.expect("stores"));
+        assert!(!store.prepared("1", 3, 1).await.expect("looks"), "twice");
         assert_eq!(waiting(&store).await, 3);
         assert!(store.put_shard("1", 1, &json!("b"), "second").await.expect("stores"));
         assert!(!store.put_shard("1", 1, &json!("c"), "again").await.expect("looks"));
@@ -99,7 +99,7 @@ async fn one_shard_stored_by_many_at_once_counts_once() {
     for place in places().await {
         let store = place.open().await.jobs();
         store.make(&job("1", None, "x"), 9).await.expect("makes");
-        store.prepared("1", 3).await.expect("stores");
+        store.prepared("1", 3, 1).await.expect("stores");
         let all = (0..12).map(|n| {
             let store = store.clone();
             tokio::spawn(async move { store.put_shard("1", n % 3, &json!(n % 3), "told").await.expect("stores") })

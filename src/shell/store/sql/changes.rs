@@ -42,14 +42,21 @@ impl Backend {
         Ok(Made::New(job))
     }
 
-    pub(in crate::shell::store) async fn job_prepared(&self, id: &str, shards: u32) -> Result<bool, StoreError> {
+    pub(in crate::shell::store) async fn job_prepared(
+        &self,
+        id: &str,
+        shards: u32,
+        finish_shards: u32,
+    ) -> Result<bool, StoreError> {
         let mut change = self.begin().await?;
         locks::job(&mut change, id).await?;
         let changed = sqlx::query(
-            "UPDATE skypose_jobs SET status = 'running', shards = $2, started_us = $3 WHERE id = $1 AND status = 'queued'",
+            "UPDATE skypose_jobs SET status = 'running', shards = $2, finish_shards = $3, started_us = $4
+             WHERE id = $1 AND status = 'queued'",
         )
         .bind(id)
         .bind(i64::from(shards))
+        .bind(i64::from(finish_shards))
         .bind(now_us())
         .execute(&mut *change)
         .await?
@@ -103,6 +110,30 @@ impl Backend {
         if is_last {
             queue::push(&mut change, [Step { job: id.into(), part: Part::Finish }]).await?;
         }
+        change.commit().await?;
+        Ok(true)
+    }
+
+    pub(in crate::shell::store) async fn job_finishing(
+        &self,
+        id: &str,
+        permille: u32,
+        message: &str,
+    ) -> Result<bool, StoreError> {
+        let mut change = self.begin().await?;
+        locks::job(&mut change, id).await?;
+        let changed = sqlx::query(
+            "UPDATE skypose_jobs SET finish_permille = $2 WHERE id = $1 AND status = 'running' AND finish_permille < $2",
+        )
+        .bind(id)
+        .bind(i64::from(permille))
+        .execute(&mut *change)
+        .await?
+        .rows_affected();
+        if changed == 0 {
+            return Ok(false);
+        }
+        tell(&mut change, id, message).await?;
         change.commit().await?;
         Ok(true)
     }
@@ -162,8 +193,10 @@ async fn standing(from: &mut Connection, new: &NewJob, most: usize) -> Result<Op
 /// Notes what has happened to a job, in the state in which it is now.
 async fn tell(to: &mut Connection, id: &str, message: &str) -> Result<(), StoreError> {
     sqlx::query(
-        "INSERT INTO skypose_events (job, number, status, shards, done, message, time_us)
-         SELECT id, 1 + (SELECT COALESCE(MAX(number), 0) FROM skypose_events WHERE job = $1), status, shards, done, $2, $3
+        "INSERT INTO skypose_events
+             (job, number, status, shards, done, finish_shards, finish_permille, message, time_us)
+         SELECT id, 1 + (SELECT COALESCE(MAX(number), 0) FROM skypose_events WHERE job = $1), status, shards, done,
+             finish_shards, finish_permille, $2, $3
          FROM skypose_jobs WHERE id = $1",
     )
     .bind(id)

@@ -30,7 +30,7 @@ impl Backend {
 
     pub(in crate::shell::store) async fn list_jobs(&self, kind: &str) -> Result<Vec<Job>, StoreError> {
         let query =
-            "SELECT id, kind, status, request, files, fingerprint, shards, done, NULL AS result, problem, created_us,
+            "SELECT id, kind, status, request, files, fingerprint, shards, done, finish_shards, finish_permille, NULL AS result, problem, created_us,
                             started_us, finished_us
                      FROM skypose_jobs WHERE kind = $1 ORDER BY created_us DESC, id DESC";
         let rows: Vec<JobRow> = sqlx::query_as(query).bind(kind).fetch_all(&self.pool).await?;
@@ -48,7 +48,8 @@ impl Backend {
     }
 
     pub(in crate::shell::store) async fn job_events(&self, id: &str, after: i64) -> Result<Vec<JobEvent>, StoreError> {
-        let query = "SELECT number, status, shards, done, message, time_us FROM skypose_events
+        let query =
+            "SELECT number, status, shards, done, finish_shards, finish_permille, message, time_us FROM skypose_events
                      WHERE job = $1 AND number > $2 ORDER BY number LIMIT 256";
         let rows: Vec<EventRow> = sqlx::query_as(query).bind(id).bind(after).fetch_all(&self.pool).await?;
         Ok(rows.into_iter().map(JobEvent::from).collect())

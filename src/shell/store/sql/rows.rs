@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::shell::store::StoreError;
-use crate::shell::store::jobs::{Job, JobEvent, JobStatus};
+use crate::shell::store::jobs::{Finishing, Job, JobEvent, JobStatus};
 
 #[derive(sqlx::FromRow)]
 pub(super) struct JobRow {
@@ -15,6 +15,8 @@ pub(super) struct JobRow {
     fingerprint: String,
     shards: Option<i64>,
     done: i64,
+    finish_shards: i64,
+    finish_permille: i64,
     result: Option<String>,
     problem: Option<String>,
     created_us: i64,
@@ -36,6 +38,7 @@ impl TryFrom<JobRow> for Job {
             fingerprint: row.fingerprint,
             shards: row.shards.map(count),
             done: count(row.done),
+            finishing: Finishing { shards: count(row.finish_shards), permille: count(row.finish_permille) },
             result: json(row.result)?,
             problem: json(row.problem)?,
             created_us: row.created_us,
@@ -51,6 +54,8 @@ pub(super) struct EventRow {
     status: JobStatus,
     shards: Option<i64>,
     done: i64,
+    finish_shards: i64,
+    finish_permille: i64,
     message: String,
     time_us: i64,
 }
@@ -62,6 +67,7 @@ impl From<EventRow> for JobEvent {
             status: row.status,
             shards: row.shards.map(count),
             done: count(row.done),
+            finishing: Finishing { shards: count(row.finish_shards), permille: count(row.finish_permille) },
             message: row.message,
             time_us: row.time_us,
         }
