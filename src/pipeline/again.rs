@@ -29,6 +29,9 @@ const TELLING_SIGMA_PX: f64 = 0.1;
 const AREA_TOLERANCE: f64 = 0.06;
 const AREA_TOLERANCE_PX: f64 = 4.0;
 
+/// Light that is a share of a disc's area and lies at its rim, or is missing there, moves the centroid by so many radii times the share.
+const ASIDE: f64 = 0.5;
+
 /// How far a rim lies beside that of the ideal disc, px: light that the sensor's curve and the coding spread.
 const RIM_SIGMA_PX: f64 = 0.05;
 
@@ -62,12 +65,20 @@ impl Looking<'_> {
             .collect();
         let size = Size::of(&shapes, centroids);
         for (blob, shape) in shapes {
-            let again = self.detector.located_again(self.workspace, self.frame, &centroids[blob], &size.apply(&shape));
-            if let Some(again) = again {
-                centroids[blob] = again;
+            let expected = size.apply(&shape);
+            let centroid = &mut centroids[blob];
+            if let Some(again) = self.detector.located_again(self.workspace, self.frame, centroid, &expected) {
+                *centroid = again;
             }
+            centroid.sigma_px = centroid.sigma_px.hypot(aside_px(centroid.area_px, expected.area_px()));
         }
     }
+}
+
+/// How far light may lie aside of which there is more or less than of the disc, px: what is beside it was taken for it, or hides a part.
+fn aside_px(area_px: f64, expected_px: f64) -> f64 {
+    let off = (area_px / expected_px).ln().abs() - AREA_TOLERANCE - AREA_TOLERANCE_PX / expected_px;
+    ASIDE * off.max(0.0) * (expected_px / std::f64::consts::PI).sqrt()
 }
 
 /// How large the markers are against what the target says: radii are often a guess.
@@ -153,6 +164,15 @@ mod tests {
     fn scaled(target: &Target, factor: f64) -> Target {
         let marker = |marker: &Marker| Marker { radius_m: marker.radius_m.map(|r| r * factor), ..marker.clone() };
         Target::checked("scaled", target.markers().iter().map(marker).collect()).expect("a target")
+    }
+
+    #[test]
+    fn light_of_another_area_may_lie_aside_by_what_is_missing_or_too_much() {
+        let expected = std::f64::consts::PI * 100.0;
+        for (share, least, most) in [(1.0, 0.0, 0.0), (0.95, 0.0, 0.0), (0.7, 0.8, 2.5), (1.4, 0.8, 2.5)] {
+            let aside = aside_px(share * expected, expected);
+            assert!((least..=most).contains(&aside), "{share}: {aside}");
+        }
     }
 
     #[test]
