@@ -29,8 +29,6 @@ pub(super) struct Border {
     width: f64,
     /// How much higher the other ground's code is.
     pub height: f64,
-    /// By how much the grounds are not what it makes of them, codes: it has a corner, or there is a second one.
-    pub misfit: f64,
 }
 
 /// Samples are another ground's from so many deviations on; a line or a border is looked for where there are as many of them.
@@ -85,9 +83,7 @@ impl Finder {
         let split = self.searcher.best(beyond).filter(|split| split.left < MAX_LEFT_AT_FIRST * level)?;
         let placed = self.placer.place(split, beyond, noise)?;
         let is_plain = placed.left < MAX_LEFT * level && placed.left < MAX_LEFT_OF_SLOPE * slope;
-        let misfit = (placed.left / beyond.len() as f64 - noise * noise).max(0.0).sqrt();
-        let border = Border { misfit, ..placed.border };
-        (is_plain && border.height.abs() > OFF * noise).then_some((border, placed.level))
+        (is_plain && placed.border.height.abs() > OFF * noise).then_some((placed.border, placed.level))
     }
 }
 
@@ -162,21 +158,6 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_is_no_straight_border_and_that_is_told() {
-        let (one, other) = (Vector2::new(1.0, 0.0), Vector2::new(-0.4, 0.9).normalize());
-        let misfit = |corner: bool| {
-            let beyond = |at: &Vector2<f64>| {
-                let across = if corner { past(at, &other, 5.0) } else { 0.0 };
-                1.0 - (1.0 - past(at, &one, 3.0)) * (1.0 - across)
-            };
-            let (found, _) = Finder::default().find(&ring(|at| 150.0 + 32.0 * beyond(&at)), 0.0).expect("a border");
-            found.misfit
-        };
-        let (straight, corner) = (misfit(false), misfit(true));
-        assert!(straight < 0.5 && corner > 2.0, "{straight} {corner}");
-    }
-
-    #[test]
     fn a_line_is_found_behind_a_disc_and_along_its_rim() {
         for (turn, distance) in [(0.3, 0.5), (1.9, 4.0), (2.8, 6.5)] {
             let normal = Vector2::new(f64::cos(turn), f64::sin(turn));
@@ -206,7 +187,7 @@ mod tests {
 
     #[test]
     fn shares_are_those_that_it_was_placed_with() {
-        let border = Border { normal: Vector2::new(0.6, 0.8), distance: 1.5, width: 3.0, height: 20.0, misfit: 0.0 };
+        let border = Border { normal: Vector2::new(0.6, 0.8), distance: 1.5, width: 3.0, height: 20.0 };
         let xs: [f32; LANES] = std::array::from_fn(|lane| lane as f32 - 3.0);
         let found: [f32; LANES] =
             dispatch!(*MACHINE, simd => *border.share(Lanes(xs).load(simd), Lanes([2.0; LANES]).load(simd)));

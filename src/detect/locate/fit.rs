@@ -33,9 +33,6 @@ const LEAST_SIGMA_PX: f64 = 0.004;
 /// What a border as high as the ellipse leaves when it has been taken into account, px.
 const LEFT_BY_BORDER_PX: f64 = 0.02;
 
-/// What grounds leave that are not parted straight, as at the corner of a plate, if they are off by the height of the ellipse, px.
-const LEFT_BY_MISFIT_PX: f64 = 3.0;
-
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
 
@@ -148,10 +145,8 @@ impl Fitter {
 
 /// What the border behind an ellipse leaves of its pull, px.
 fn left_by_border(model: &Model) -> f64 {
-    let (height, beyond) = (model.light.luma[0].abs().max(1.0), model.light.luma[4].abs());
-    model.border.map_or(0.0, |(border, _)| {
-        (LEFT_BY_BORDER_PX * beyond).hypot(LEFT_BY_MISFIT_PX * border.misfit) / height.max(beyond)
-    })
+    let (height, beyond) = (model.light.luma[0], model.light.luma[4]);
+    if model.border.is_some() { LEFT_BY_BORDER_PX * (beyond.abs() / height.abs().max(1.0)).min(1.0) } else { 0.0 }
 }
 
 /// Leaves out of the form's equations what the slopes of the ground and its border explain as well.

@@ -120,14 +120,14 @@ mod tests {
     use crate::detect::locate::border::Border;
 
     const SPLIT: Split = Split {
-        border: Border { normal: Vector2::new(0.6, 0.8), distance: 1.3, width: 2.1, height: -34.0, misfit: 0.0 },
+        border: Border { normal: Vector2::new(0.6, 0.8), distance: 1.3, width: 2.1, height: -34.0 },
         level: 140.0,
         left: 0.0,
     };
 
     /// The code that two grounds make at a place, when each of the unknowns is changed by so much.
     fn code(at: Vector2<f64>, by: &[f64; UNKNOWNS]) -> f64 {
-        let Border { normal, distance, width, height, .. } = SPLIT.border;
+        let Border { normal, distance, width, height } = SPLIT.border;
         let normal = (normal + across(&normal) * by[3]).normalize();
         let past = normal.dot(&at) - distance - by[2];
         let share = |past: f64| 1.0 / (1.0 + (-STEEP * past).exp());

@@ -99,24 +99,12 @@ impl Searcher {
         let normal = Vector2::new(cosine, sine);
         let (border, level) = if from > 0 {
             let width = distance(to) - distance(from);
-            (Border { normal, distance: distance(from), width, height: inside - outside, misfit: 0.0 }, outside)
+            (Border { normal, distance: distance(from), width, height: inside - outside }, outside)
         } else if 2.0 * n <= all {
             // The other ground is the one of which there is less.
-            (
-                Border {
-                    normal: -normal,
-                    distance: -distance(to),
-                    width: ENDLESS_PX,
-                    height: inside - outside,
-                    misfit: 0.0,
-                },
-                outside,
-            )
+            (Border { normal: -normal, distance: -distance(to), width: ENDLESS_PX, height: inside - outside }, outside)
         } else {
-            (
-                Border { normal, distance: distance(to), width: ENDLESS_PX, height: outside - inside, misfit: 0.0 },
-                inside,
-            )
+            (Border { normal, distance: distance(to), width: ENDLESS_PX, height: outside - inside }, inside)
         };
         Some(Split { border, level, left: self.squares - f64::from(gained) })
     }
