@@ -150,7 +150,6 @@ fn parameters_lie_within_their_covariance() {
         let parameters = parameters.iter().sum::<f64>() / parameters.len() as f64;
         // Sums of `size` squares: their mean is known to sqrt(2 / (sets size)); four deviations.
         let allowed = 4.0 * (2.0 / (sets as f64 * size)).sqrt();
-        println!("{}: parameters {parameters:.2}, rays {rays:.2}", lens.name());
         assert!((parameters - 1.0).abs() < allowed, "{}: {parameters}", lens.name());
         // Errors of neighbouring rays are alike: as if there were four.
         assert!((rays - 1.0).abs() < 4.0 * (2.0 / (sets as f64 * 4.0)).sqrt(), "{}: {rays}", lens.name());
