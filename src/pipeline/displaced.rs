@@ -5,7 +5,7 @@
 //! much as a part of a disc can: it then hardly counts, at the price of being improbable beforehand. What is answered is the mixture, each
 //! reading with the evidence for it (Box and Tiao 1968, "A Bayesian approach to some outlier problems").
 
-use super::merge;
+use super::merge::{NEGLIGIBLE, merged};
 use crate::camera::Camera;
 use crate::pose::{NoPose, Noise, PoseAnswer, PoseOptions, estimate_pose};
 use crate::refine::Correspondence;
@@ -21,9 +21,6 @@ const UNDERSTATED: f64 = 0.1;
 
 /// So many markers must be where they should: they alone determine the pose.
 const MIN_TRUE: usize = 4;
-
-/// Readings less probable than this are left out.
-const NEGLIGIBLE: f64 = 1e-4;
 
 /// A pose and what it says of the markers.
 #[derive(Clone, Debug)]
@@ -136,7 +133,7 @@ fn mixture(mut readings: Vec<Reading>, pairs: &[Correspondence], radii_px: &[Opt
     let displacement_px = (0..pairs.len()).map(displacement_px).collect();
     let of = |reading: &Reading| (share(reading), reading.answer.clone());
     let rivals = readings[1..].iter().map(of).filter(|(share, _)| *share >= NEGLIGIBLE);
-    let answer = PoseAnswer { ln_evidence: most + total.ln(), ..merge::merged(of(&readings[0]), rivals) };
+    let answer = PoseAnswer { ln_evidence: most + total.ln(), ..merged(of(&readings[0]), rivals) };
     Weighed { answer, displacement_px }
 }
 

@@ -6,7 +6,7 @@ use crate::pose::{PoseAnswer, PoseEstimate};
 const SAME_WITHIN_SQUARED: f64 = 9.0;
 
 /// Poses less probable than this are left out.
-const NEGLIGIBLE: f64 = 1e-4;
+pub(super) const NEGLIGIBLE: f64 = 1e-4;
 
 /// One answer from that of the best assignment and those of its rivals, each with the assignment's probability. Every pose's
 /// probability is that of its assignment and of its minimum together; poses that say the same are one.
