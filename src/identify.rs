@@ -8,6 +8,7 @@
 //! Nothing is accepted because it is the best: it must be far more probable than chance.
 
 mod bases;
+mod cloud;
 mod search;
 mod weigh;
 mod worth;

@@ -153,6 +153,53 @@ mod tests {
         assert_eq!(found.refused.iter().map(|r| r.reason).collect::<Vec<_>>(), [Refusal::OtherColor]);
     }
 
+    /// Lights of which each outshines the sensor and glows far around, in a dark picture of 160 x 160 px. From row 64 on it is texture.
+    fn glowing(lights: &[[f64; 2]]) -> Frame {
+        let pixel = |x: u32, y: u32| {
+            let dark = if y >= 64 && (x + y).is_multiple_of(2) { 16.0 } else { 10.0 };
+            let light = |[u, v]: &[f64; 2]| {
+                let off = (f64::from(x) - u).hypot(f64::from(y) - v);
+                2000.0 * (-off * off / (2.0 * 1.3 * 1.3)).exp() + 220.0 * (-off / 4.0).exp()
+            };
+            let code = dark + lights.iter().map(light).sum::<f64>();
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a code")]
+            let code = code.min(255.0).round() as u8;
+            code
+        };
+        let places = (0..160).flat_map(|y| (0..160).map(move |x| [x, y]));
+        let samples = places.map(|[x, y]| pixel(x, y)).collect();
+        Frame::checked(160, 160, Pixels::Luma(samples), Coding::LOSSLESS).expect("a frame")
+    }
+
+    fn assert_found(lights: &[[f64; 2]]) {
+        let frame = glowing(lights);
+        let found = detect(&frame, frame.full(), &BeaconOptions::default());
+        assert_eq!(found.centroids.len(), lights.len(), "{lights:?}: {found:?}");
+        for [u, v] in lights {
+            let off = |centroid: &Centroid| (centroid.pixel.x - u).hypot(centroid.pixel.y - v);
+            let nearest = found.centroids.iter().map(off).fold(f64::MAX, f64::min);
+            assert!(nearest < 0.4, "{lights:?}: {nearest} px, {found:?}");
+        }
+    }
+
+    #[test]
+    fn lights_whose_glows_flow_together_are_told_apart() {
+        for apart in [11.0, 12.0, 16.0, 24.0] {
+            for turn in [0.0, 0.4, 0.8_f64] {
+                let (sine, cosine) = turn.sin_cos();
+                let light = |along: f64| [80.2 + along * cosine, 31.7 + along * sine];
+                assert_found(&[light(-0.5 * apart), light(0.5 * apart)]);
+            }
+        }
+    }
+
+    #[test]
+    fn lights_across_the_border_of_texture_are_found_whole() {
+        for y in [54.0, 58.0, 61.0, 64.0, 67.0] {
+            assert_found(&[[60.3, y - 22.0], [85.8, y + 0.4], [110.1, y - 5.0]]);
+        }
+    }
+
     #[test]
     fn a_dark_frame_and_a_lit_wall_hold_no_lights() {
         let empty = night(&[]);

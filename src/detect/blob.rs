@@ -8,7 +8,7 @@ mod tiles;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::components::{Connectivity, Labeling, Run, area, bounds, mean_position};
+use super::components::{Connectivity, Labeling, Run, area, bounds, holds, mean_position};
 use super::locate::{Located, Locator, Seed};
 use super::threshold::{distance_at, histogram, level_at, mean_from};
 use super::{Centroid, Detection, Refusal, Refused, bounds_in_frame, in_frame};
@@ -163,34 +163,99 @@ struct Heights {
     noise: f64,
 }
 
-/// What a component is. Its parts are found in `parts`.
-fn examine(picture: &Picture<'_>, runs: &[Run], options: &BlobOptions, parts: &mut Labeling) -> Verdict {
+impl Heights {
+    /// By what a blob must stand out.
+    fn least(&self, options: &BlobOptions) -> f64 {
+        options.min_contrast.max(MIN_SIGNAL * self.noise)
+    }
+}
+
+/// What examination works with, and what it leaves.
+#[derive(Default)]
+struct Bench {
+    /// What of a component is above a level.
+    parts: Labeling,
+    /// Of a marker, what is above half its height.
+    core: Vec<Run>,
+}
+
+/// What a component of a level is.
+fn examine(picture: &Picture<'_>, runs: &[Run], level: u8, options: &BlobOptions, bench: &mut Bench) -> Verdict {
+    let Bench { parts, core } = bench;
     let whole = bounds(runs);
     let pixels = area(runs) as f64;
     if pixels > 2.0 * options.max_area_ratio * picture.frame_area {
         return Verdict::LookHigher(Refusal::TooLarge);
     }
     let heights = heights(picture, runs, whole);
-    if heights.top - heights.ground < options.min_contrast.max(MIN_SIGNAL * heights.noise) {
+    if heights.top - heights.ground < heights.least(options) {
         return Verdict::LookHigher(Refusal::LowContrast);
     }
-    // The part above half height. If there are several of weight, the component is several things.
+    // The part above half height, or above the level, below which it may be one with what lies beside it. If there are several of weight, the
+    // component is several things.
     #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a mean of two scores")]
-    let half = (0.5 * (heights.ground + heights.top)).ceil().max(1.0) as u8;
-    let parts = parts.of(picture.score, picture.width as usize, whole, half, Connectivity::Eight);
-    let Some(core) = parts.iter().max_by_key(|part| area(part)) else {
-        return Verdict::LookHigher(Refusal::LowContrast);
-    };
-    let others: usize = parts.iter().map(area).sum::<usize>() - area(core);
-    if others * 4 > area(core) {
+    let half = ((0.5 * (heights.ground + heights.top)).ceil() as u8).max(level);
+    let parts_of = parts.of(picture.score, picture.width as usize, whole, half, Connectivity::Eight);
+    let own = parts_of.iter().filter(|part| holds(runs, part));
+    if are_several(own.clone().map(area)) {
         return Verdict::LookHigher(Refusal::Ragged);
     }
+    let Some(largest) = own.max_by_key(|part| area(part)) else {
+        return Verdict::LookHigher(Refusal::LowContrast);
+    };
+    core.clear();
+    core.extend_from_slice(largest);
     let shape = Shape::of(core);
     match shape.refusal(picture, options) {
         Some(reason @ (Refusal::TooSmall | Refusal::AtBorder)) => Verdict::Refused(reason),
         Some(reason) => Verdict::LookHigher(reason),
-        None => Verdict::Marker(shape.centroid(picture, &heights), shape.moments),
+        None if comes_apart(picture, &shape, half, &heights, options, parts) => Verdict::LookHigher(Refusal::Ragged),
+        None => Verdict::Marker(shape.centroid(picture, runs, &heights), shape.moments),
     }
+}
+
+/// Whether what beside the largest has weight.
+fn are_several(areas: impl Iterator<Item = usize>) -> bool {
+    let (sum, largest) = areas.fold((0, 0), |(sum, largest), area| (sum + area, largest.max(area)));
+    (sum - largest) * 4 > largest
+}
+
+/// Whether what is one above half its height is several blobs further up, each of which stands out from what joins them: lights whose glows
+/// flow together are parted only near their peaks.
+fn comes_apart(
+    picture: &Picture<'_>,
+    shape: &Shape<'_>,
+    half: u8,
+    heights: &Heights,
+    options: &BlobOptions,
+    parts: &mut Labeling,
+) -> bool {
+    let least = heights.least(options);
+    let rise = heights.top - f64::from(half);
+    LEVELS_ABOVE_HALF.iter().map(|share| f64::from(half) + share * rise).any(|level| {
+        if level + least > heights.top {
+            return false;
+        }
+        #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "between two scores")]
+        let threshold = level.ceil() as u8;
+        let parts = parts.of(picture.score, picture.width as usize, shape.bounds, threshold, Connectivity::Eight);
+        if parts.len() < 2 {
+            return false;
+        }
+        let is_blob = |part: &&[Run]| {
+            holds(shape.core, part)
+                && f64::from(peak(picture, part)) >= level + least
+                && Shape::of(part).refusal(picture, options).is_none()
+        };
+        are_several(parts.iter().filter(is_blob).map(area))
+    })
+}
+
+/// Where between half its height and its top a blob may come apart.
+const LEVELS_ABOVE_HALF: [f64; 3] = [0.25, 0.5, 0.75];
+
+fn peak(picture: &Picture<'_>, runs: &[Run]) -> u8 {
+    runs.iter().flat_map(|run| picture.run(run)).copied().max().unwrap_or(0)
 }
 
 /// Deviations of the ground's noise by which a blob must stand out: the highest that chance lifts one of a frame's 230,000 colour
@@ -274,19 +339,20 @@ impl<'a> Shape<'a> {
         }
     }
 
-    /// The mean position around the core, each pixel weighted by how far it stands out.
-    fn centroid(&self, picture: &Picture<'_>, heights: &Heights) -> Centroid {
+    /// The mean position of what of its component lies around the core, each pixel weighted by how far it stands out. What is not of the
+    /// component may be of a neighbour.
+    fn centroid(&self, picture: &Picture<'_>, runs: &[Run], heights: &Heights) -> Centroid {
         // Blur spreads a marker beyond its half height by a pixel or two, more where colour is sampled coarsely.
         let window = picture.grown(self.bounds, if picture.coding.chroma.is_reduced() { 3 } else { 2 });
         let origin = Vector2::new(f64::from(window.x), f64::from(window.y));
         let height = heights.top - heights.ground;
         let (mut sum, mut moment) = (0.0, Vector2::zeros());
-        for (y, row) in picture.rows(window) {
-            for (x, score) in (window.x..).zip(row) {
+        for run in runs.iter().filter_map(|run| run.within(window)) {
+            for (x, score) in (run.start..).zip(picture.run(&run)) {
                 let weight = ((f64::from(*score) - heights.ground) / height).clamp(0.0, 1.0);
                 if weight > WEIGHT_FLOOR {
                     sum += weight;
-                    moment += (Vector2::new(f64::from(x), f64::from(y)) - origin) * weight;
+                    moment += (Vector2::new(f64::from(x), f64::from(run.y)) - origin) * weight;
                 }
             }
         }

@@ -207,6 +207,31 @@ mod tests {
         assert_eq!(detect(&frame, beside, &ColorOptions::default()).centroids, []);
     }
 
+    /// Discs on gray as a JPEG has them, whose colours are sampled at half the rate.
+    fn coded(discs: &[[f64; 2]], radius: f64) -> Frame {
+        let is_disc = |x: f64, y: f64| discs.iter().any(|centre| off(x, y, *centre, radius) <= 1.0);
+        let frame = picture(|x, y| if is_disc(x, y) { RED } else { GRAY });
+        Frame::decode(&jpeg(&frame, 90).expect("encodes"), &Decoding::default()).expect("decodes")
+    }
+
+    #[test]
+    fn discs_whose_colours_run_into_each_other_are_found_each() {
+        for turn in 0..12 {
+            let (sine, cosine) = (f64::from(turn) * 0.52).sin_cos();
+            for (radius, apart) in [(2.7, 8.2), (3.0, 9.0), (4.8, 12.0), (6.0, 15.0), (6.0, 19.6)] {
+                let discs = [-0.5, 0.5, 1.5].map(|step| [70.3 + step * apart * cosine, 60.4 + step * apart * sine]);
+                let detection = found(&coded(&discs, radius));
+                assert_eq!(detection.centroids.len(), 3, "{radius} {apart} {turn}: {detection:?}");
+                for [u, v] in discs {
+                    let off = |pixel: &Pixel| (pixel.x - u).hypot(pixel.y - v);
+                    let nearest = detection.centroids.iter().map(|centroid| off(&centroid.pixel)).fold(9.0, f64::min);
+                    // Where no disc is fitted, a neighbour's colour still pulls by a part of a pixel.
+                    assert!(nearest < 1.0, "{radius} {apart} {turn}: {nearest} px");
+                }
+            }
+        }
+    }
+
     #[test]
     fn beyond_the_most_that_is_asked_for_the_rest_is_told_as_crowded() {
         let is_disc = |x: f64, y: f64| (0..4).any(|i| off(x, y, [20.0 + 40.0 * f64::from(i), 60.0], 6.0) <= 1.0);

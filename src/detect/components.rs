@@ -29,6 +29,17 @@ pub struct Run {
     pub end: u32,
 }
 
+impl Run {
+    /// What of it lies in a window.
+    #[must_use]
+    pub fn within(self, window: Region) -> Option<Self> {
+        let start = self.start.max(window.x);
+        let end = self.end.min(window.x + window.width);
+        let is_inside = start < end && (window.y..window.y + window.height).contains(&self.y);
+        is_inside.then_some(Self { start, end, ..self })
+    }
+}
+
 /// The components of a picture: their runs, one component after the other, each in reading order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Components {
@@ -168,9 +179,18 @@ impl Components {
     }
 
     /// The runs of each component.
-    pub fn iter(&self) -> impl Iterator<Item = &[Run]> {
+    pub fn iter(&self) -> impl Iterator<Item = &[Run]> + Clone {
         self.starts.windows(2).map(|ends| &self.runs[ends[0]..ends[1]])
     }
+}
+
+/// Whether the first pixel of `part` lies on `runs`, which are in reading order. Components of two levels are one inside the other or apart,
+/// so of a component of a higher level this tells it of all.
+#[must_use]
+pub fn holds(runs: &[Run], part: &[Run]) -> bool {
+    let Some(first) = part.first() else { return false };
+    let before = runs.partition_point(|run| (run.y, run.start) <= (first.y, first.start));
+    runs[..before].last().is_some_and(|run| run.y == first.y && first.start < run.end)
 }
 
 /// Number of pixels of some runs.
@@ -351,6 +371,26 @@ pub(crate) mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn of_two_levels_components_are_one_inside_the_other_or_apart() {
+        let samples = [9, 5, 9, 0, 9, 9, 0, 5, 5, 0, 9, 0];
+        let window = Region { x: 0, y: 0, width: 6, height: 2 };
+        let low = Components::of(&samples, 6, window, 5, Connectivity::Eight);
+        let high = Components::of(&samples, 6, window, 9, Connectivity::Eight);
+        let held = |runs| high.iter().map(|part| holds(runs, part)).collect::<Vec<_>>();
+        assert_eq!(low.iter().map(held).collect::<Vec<_>>(), [[true, true, false], [false, false, true]]);
+        assert!(!holds(high.runs(0), low.runs(1)) && !holds(&[], low.runs(0)) && !holds(low.runs(0), &[]));
+    }
+
+    #[test]
+    fn what_of_a_run_lies_in_a_window_is_a_run() {
+        let window = Region { x: 3, y: 2, width: 4, height: 2 };
+        let within = |y, start, end| Run { y, start, end }.within(window);
+        assert_eq!(within(2, 0, 9), Some(Run { y: 2, start: 3, end: 7 }));
+        assert_eq!(within(3, 4, 6), Some(Run { y: 3, start: 4, end: 6 }));
+        assert_eq!([within(1, 0, 9), within(4, 0, 9), within(2, 0, 3), within(2, 7, 9)], [None; 4]);
     }
 
     #[test]

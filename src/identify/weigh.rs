@@ -9,6 +9,7 @@
 use std::collections::BTreeSet;
 use std::f64::consts::{LN_2, PI, TAU};
 
+use super::cloud::Cloud;
 use super::search::Candidate;
 use super::{Blob, Hypothesis, IdentifyOptions, Stats, pairs};
 use nalgebra::{Matrix2, Matrix6, Vector6};
@@ -61,6 +62,7 @@ pub(super) struct Scale<'a> {
     target: &'a Target,
     blobs: &'a [Blob],
     options: &'a IdentifyOptions,
+    cloud: Cloud,
     /// Assignments already weighed.
     known: BTreeSet<Vec<Option<usize>>>,
     weighed: Vec<(Hypothesis, f64)>,
@@ -79,13 +81,9 @@ pub(super) fn attitudes(target: &Target) -> f64 {
 }
 
 impl<'a> Scale<'a> {
-    pub(super) const fn new(
-        camera: &'a Camera,
-        target: &'a Target,
-        blobs: &'a [Blob],
-        options: &'a IdentifyOptions,
-    ) -> Self {
-        Self { camera, target, blobs, options, known: BTreeSet::new(), weighed: Vec::new(), heaviest_rough: 0.0 }
+    pub(super) fn new(camera: &'a Camera, target: &'a Target, blobs: &'a [Blob], options: &'a IdentifyOptions) -> Self {
+        let cloud = Cloud::of(blobs, [camera.width(), camera.height()].map(f64::from));
+        Self { camera, target, blobs, options, cloud, known: BTreeSet::new(), weighed: Vec::new(), heaviest_rough: 0.0 }
     }
 
     /// Weighs the candidates that matter beside the best of them.
@@ -331,12 +329,12 @@ impl<'a> Scale<'a> {
 
     /// Logarithm of the probability of the picture under this assignment over that under clutter alone.
     fn ln_bayes_factor(&self, assignment: &[Option<usize>], best: &CameraFromTarget, ln_evidence: f64) -> Option<f64> {
-        // The markers' blobs as clutter: each of all blobs anywhere in the picture, or each from the crowd about the target,
-        // whichever is more likely.
+        // The markers' blobs as clutter: each of all blobs anywhere in the picture, or in one cloud with all others, or each
+        // from the crowd about the target, whichever is most likely.
         let crowd = self.crowd(assignment, best);
         let area = f64::from(self.camera.width()) * f64::from(self.camera.height());
         let mut left = self.blobs.len() as f64;
-        let (mut ln_scattered, mut ln_crowded) = (0.0, 0.0);
+        let (mut ln_choices, mut ln_scattered, mut ln_crowded) = (0.0, 0.0, 0.0);
         // Integral over the pose of the likelihood (Laplace; the residuals are in `ln_evidence`), times the prior there.
         let mut ln_factor = ln_evidence + 3.0 * TAU.ln() + self.ln_pose_prior(best);
         for (marker, blob) in assignment.iter().enumerate() {
@@ -352,11 +350,13 @@ impl<'a> Scale<'a> {
             ln_factor += (1.0 - self.options.miss_probability).ln() - (TAU * sigma * sigma).ln();
             ln_factor += self.ln_area_factor(marker, blob, best);
             // As many ways there are to choose this blob among those that the markers before left.
-            ln_scattered += (left / area).ln();
+            ln_choices += left.ln();
+            ln_scattered -= area.ln();
             ln_crowded += crowd.ln();
             left -= 1.0;
         }
-        ln_factor -= ln_scattered.max(ln_crowded);
+        let ln_cloud = self.cloud.ln_density(assignment.iter().flatten().map(|blob| &self.blobs[*blob]));
+        ln_factor -= (ln_choices + ln_scattered.max(ln_cloud)).max(ln_crowded);
         ln_factor.is_finite().then_some(ln_factor)
     }
 

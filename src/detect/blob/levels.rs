@@ -1,24 +1,30 @@
 //! The search for blobs, level by level.
 //!
 //! At a low level a marker on a reddish ground is one piece with the ground; at a high level a dim marker is gone. So the
-//! levels are tried from low to high, each one and a half times the last. A component that makes a good blob at its own
-//! half height is taken, one that does not is looked at again at the next level, inside its bounds only.
+//! levels are tried from low to high, each one and a half times the last or higher by the least contrast, whichever is less. A
+//! component that makes a good blob at its own half height is taken; one that does not, or in which more than the blob may be,
+//! is looked at again at the next level, inside its bounds only. There what holds a taken core or lies on it is the same blob;
+//! all else is looked at, however near it lies.
 //!
 //! What a frame costs is bounded whatever it shows: tiles that are all texture at a level wait for a higher one
 //! ([`Tiles`]), and of the components of a level only the largest are examined.
 
 use std::cmp::Reverse;
+use std::ops::Range;
 
 use nalgebra::Matrix2;
 
 use super::tiles::Tiles;
-use super::{BlobOptions, Picture, Verdict, examine};
-use crate::detect::components::{Components, Connectivity, Labeling, Run, area, bounds};
+use super::{Bench, BlobOptions, Picture, Verdict, examine, peak};
+use crate::detect::components::{Components, Connectivity, Labeling, Run, area, bounds, holds};
 use crate::detect::{Centroid, Refusal, Refused};
 use crate::frame::Region;
 
 /// From one level to the next.
 const LEVEL_RATIO: f64 = 1.5;
+
+/// And by so much at least where steps are those of the contrast, so that there are not too many.
+const LEAST_STEP: f64 = 8.0;
 
 /// Components examined at one level, the largest: a bound on the cost of a frame of noise.
 const MAX_EXAMINED: usize = 128;
@@ -34,7 +40,29 @@ pub(super) struct Marker {
     pub centroid: Centroid,
     /// Second moments of its area, px^2.
     pub moments: Matrix2<f64>,
+    /// Which of the cores is its own.
+    core: Range<usize>,
 }
+
+impl Marker {
+    /// Whether a component is this marker, with or without what surrounds it.
+    fn is_one_with(&self, runs: &[Run], whole: Region, cores: &[Run]) -> bool {
+        let core = &cores[self.core.clone()];
+        overlaps(self.centroid.bounds, whole) && (holds(runs, core) || holds(core, runs))
+    }
+
+    /// Whether a component with these bounds that holds the marker reaches further than its fringe, so that other things may be joined to it.
+    const fn leaves_something_of(&self, whole: Region) -> bool {
+        let own = self.centroid.bounds;
+        whole.x + FRINGE_PX < own.x
+            || whole.y + FRINGE_PX < own.y
+            || whole.x + whole.width > own.x + own.width + FRINGE_PX
+            || whole.y + whole.height > own.y + own.height + FRINGE_PX
+    }
+}
+
+/// How far a marker without neighbours reaches beyond half its height, px: blur, and colour that is sampled at half the rate.
+const FRINGE_PX: u32 = 4;
 
 /// Searches, picture after picture, in the same memory.
 #[derive(Default)]
@@ -46,8 +74,9 @@ pub(super) struct Search {
     tiles: Tiles,
     labeling: Labeling,
     largest: Largest,
-    /// What of a component is above half its height.
-    parts: Labeling,
+    /// What is above half their heights of the markers, one after the other.
+    cores: Vec<Run>,
+    bench: Bench,
 }
 
 impl Search {
@@ -58,8 +87,9 @@ impl Search {
         options: &BlobOptions,
         mut refuse: impl FnMut(Refused),
     ) -> &mut [Marker] {
-        let Self { markers, windows, again, tiles, labeling, largest, parts } = self;
+        let Self { markers, windows, again, tiles, labeling, largest, cores, bench } = self;
         markers.clear();
+        cores.clear();
         windows.clear();
         windows.push(picture.window());
         let mut level = (0.5 * options.min_contrast).max(1.0);
@@ -76,8 +106,11 @@ impl Search {
                 for number in largest.of(components, MAX_EXAMINED.saturating_sub(examined)) {
                     let runs = components.runs(number);
                     let whole = bounds(runs);
-                    // Taken at a lower level, or as part of an overlapping window.
-                    if markers.iter().any(|marker| overlaps(marker.centroid.bounds, whole)) {
+                    let is_taken = |marker: &Marker| marker.is_one_with(runs, whole, cores);
+                    if let Some(marker) = markers.iter().find(|marker| is_taken(marker)) {
+                        if marker.leaves_something_of(whole) {
+                            again.push(whole);
+                        }
                         continue;
                     }
                     if tiles.cut(whole) {
@@ -85,11 +118,17 @@ impl Search {
                         continue;
                     }
                     examined += 1;
-                    match examine(picture, runs, options, parts) {
+                    match examine(picture, runs, threshold, options, bench) {
                         Verdict::Marker(centroid, moments) => {
-                            markers.push(Marker { number: markers.len(), centroid, moments });
+                            let core = cores.len()..cores.len() + bench.core.len();
+                            cores.extend_from_slice(&bench.core);
+                            let marker = Marker { number: markers.len(), centroid, moments, core };
+                            if marker.leaves_something_of(whole) {
+                                again.push(whole);
+                            }
+                            markers.push(marker);
                         }
-                        Verdict::LookHigher(_) if level * LEVEL_RATIO < f64::from(peak(picture, runs)) => {
+                        Verdict::LookHigher(_) if next_level(level, options) < f64::from(peak(picture, runs)) => {
                             again.push(whole);
                         }
                         Verdict::LookHigher(reason) | Verdict::Refused(reason) => refuse(refused(runs, whole, reason)),
@@ -97,10 +136,15 @@ impl Search {
                 }
             }
             merge(again, windows);
-            level *= LEVEL_RATIO;
+            level = next_level(level, options);
         }
         markers
     }
+}
+
+/// So that no blob that stands out enough lies between two levels.
+fn next_level(level: f64, options: &BlobOptions) -> f64 {
+    level + (level * (LEVEL_RATIO - 1.0)).min(options.min_contrast.max(LEAST_STEP))
 }
 
 fn refused(runs: &[Run], whole: Region, reason: Refusal) -> Refused {
@@ -129,10 +173,6 @@ impl Largest {
         }
         self.list.iter().map(|(_, number)| *number)
     }
-}
-
-fn peak(picture: &Picture<'_>, runs: &[Run]) -> u8 {
-    runs.iter().flat_map(|run| picture.run(run)).copied().max().unwrap_or(0)
 }
 
 fn middle(region: Region) -> nalgebra::Vector2<f64> {
