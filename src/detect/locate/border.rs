@@ -1,4 +1,5 @@
-//! The border between two grounds: the edge of a wing, of a panel, of paint, that passes behind a marker or close by; or a line.
+//! The border between two grounds: the edge of a wing, of a panel, of paint, that passes behind a marker or close by; the corner of a plate or
+//! of a wing's tip; or a line.
 //!
 //! A disc that lies across it is higher over the one ground than over the other, and of all that spoils a rim this looks most like a disc that
 //! lies elsewhere. Beyond the rim it is plain to see, and straight on it goes behind the disc.
@@ -18,17 +19,27 @@ use crate::detect::single;
 use placing::Placer;
 use search::Searcher;
 
-/// A straight border. Beyond it lies another ground, of which there is a wide stretch, or that of a line.
+/// Where one ground ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Border {
+struct Edge {
     /// Towards the other ground, of length one.
     normal: Vector2<f64>,
-    /// How far along it from the patch's origin the border lies, px.
+    /// How far along it from the patch's origin the edge lies, px.
     distance: f64,
-    /// How wide the other ground is, px.
+}
+
+/// A straight border, or two that meet. Beyond all of its edges lies another ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Border {
+    edge: Edge,
+    /// How wide the other ground is, px: a wide stretch, or a line.
     width: f64,
+    /// The other edge of a corner.
+    corner: Option<Edge>,
     /// How much higher the other ground's code is.
     pub height: f64,
+    /// By how much the grounds are not what it makes of them, codes: there is another one.
+    pub misfit: f64,
 }
 
 /// Samples are another ground's from so many deviations on; a line or a border is looked for where there are as many of them.
@@ -40,6 +51,10 @@ const MIN_SAMPLES: usize = 6;
 const MAX_LEFT: f64 = 0.5;
 const MAX_LEFT_AT_FIRST: f64 = 0.7;
 const MAX_LEFT_OF_SLOPE: f64 = 0.75;
+
+/// A border that leaves more than so many times the noise's squares may be a corner, which must leave so much less of them.
+const STRAIGHT: f64 = 2.0;
+const MAX_LEFT_OF_STRAIGHT: f64 = 0.6;
 
 /// Deviation of the blur of a border, px, as lenses about as sharp as pixels have, and how steeply that rises, 1/px.
 const BLUR_PX: f64 = 0.84;
@@ -80,10 +95,18 @@ impl Finder {
             return None;
         }
         let (level, slope) = squares(beyond)?;
-        let split = self.searcher.best(beyond).filter(|split| split.left < MAX_LEFT_AT_FIRST * level)?;
-        let placed = self.placer.place(split, beyond, noise)?;
-        let is_plain = placed.left < MAX_LEFT * level && placed.left < MAX_LEFT_OF_SLOPE * slope;
-        (is_plain && placed.border.height.abs() > OFF * noise).then_some((placed.border, placed.level))
+        let split = self.searcher.best(beyond)?;
+        let is_plain = |placed: &Split| placed.left < MAX_LEFT * level && placed.left < MAX_LEFT_OF_SLOPE * slope;
+        let straight = (split.left < MAX_LEFT_AT_FIRST * level).then(|| self.placer.place(split, beyond, noise));
+        let straight = straight.flatten().filter(is_plain);
+        let by_noise = beyond.len() as f64 * noise * noise;
+        let left = straight.map_or(level, |placed| placed.left);
+        let corner = if left > STRAIGHT * by_noise { self.searcher.corner(&split) } else { None };
+        let corner = corner.and_then(|split| self.placer.place(split, beyond, noise)).filter(is_plain);
+        let Split { border, level, left } =
+            corner.filter(|placed| placed.left < MAX_LEFT_OF_STRAIGHT * left).or(straight)?;
+        let border = Border { misfit: ((left - by_noise).max(0.0) / beyond.len() as f64).sqrt(), ..border };
+        (border.height.abs() > OFF * noise).then_some((border, level))
     }
 }
 
@@ -106,10 +129,19 @@ impl Border {
     #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
     #[inline(always)]
     pub(super) fn share<S: Simd>(&self, x: f32x8<S>, y: f32x8<S>) -> f32x8<S> {
-        let [right, down, from, width] =
-            [self.normal.x, self.normal.y, self.distance, self.width].map(|of| single(of * STEEP));
-        let before = -(x * right + y * down) + from;
-        logistic_fall(before) - logistic_fall(before + width)
+        let before = self.edge.before(x, y);
+        let share = logistic_fall(before) - logistic_fall(before + single(self.width * STEEP));
+        self.corner.map_or(share, |edge| share * logistic_fall(edge.before(x, y)))
+    }
+}
+
+impl Edge {
+    /// How far pixels lie before it, in units of its blur.
+    #[expect(clippy::inline_always, reason = "only inside its callers can it be compiled for their registers")]
+    #[inline(always)]
+    fn before<S: Simd>(&self, x: f32x8<S>, y: f32x8<S>) -> f32x8<S> {
+        let [right, down, distance] = [self.normal.x, self.normal.y, self.distance].map(|of| single(of * STEEP));
+        -(x * right + y * down) + distance
     }
 }
 
@@ -150,11 +182,49 @@ mod tests {
             let is_turned = found.height > 0.0;
             let sign = if is_turned { -1.0 } else { 1.0 };
             assert!(is_turned == (distance < 0.0), "{found:?}");
-            assert!((found.normal * sign - normal).norm() < 0.03, "{turn}: {found:?}");
-            assert!((found.distance * sign - distance).abs() < 0.15, "{turn}: {found:?}");
+            assert!((found.edge.normal * sign - normal).norm() < 0.03, "{turn}: {found:?}");
+            assert!((found.edge.distance * sign - distance).abs() < 0.15, "{turn}: {found:?}");
             assert!((found.height.abs() - 32.0).abs() < 0.7, "{turn}: {found:?}");
             assert!((ground - if is_turned { 118.0 } else { 150.0 }).abs() < 0.5, "{turn}: {ground}");
         }
+    }
+
+    #[test]
+    fn a_corner_is_found_wherever_it_points() {
+        for turn in 0..24 {
+            let turn = 0.27 * f64::from(turn);
+            for (opening, distances) in [(1.6, [4.0, 5.0]), (1.1, [2.0, 6.5]), (2.0, [5.5, 0.5]), (1.5, [-1.0, 2.0])] {
+                let normals =
+                    [turn, turn + std::f64::consts::PI - opening].map(|a| Vector2::new(f64::cos(a), f64::sin(a)));
+                let edges = [0, 1].map(|k| Edge { normal: normals[k], distance: -distances[k] });
+                let plate =
+                    |at: &Vector2<f64>| edges.iter().map(|edge| past(at, &edge.normal, edge.distance)).product();
+                let samples = ring(|at| 150.0 - 32.0 * <f64 as From<f64>>::from(plate(&at)));
+                let (found, _) =
+                    Finder::default().find(&samples, 0.0).unwrap_or_else(|| panic!("{turn} {opening}: none"));
+                let corner = found.corner.unwrap_or_else(|| panic!("{turn} {opening}: straight, {found:?}"));
+                for edge in edges {
+                    let off =
+                        |of: &Edge| (of.normal - edge.normal).norm().max(0.2 * (of.distance - edge.distance).abs());
+                    let nearest = off(&found.edge).min(off(&corner));
+                    assert!(nearest < 0.06, "{turn} {opening}: {found:?} of {edges:?}");
+                }
+                assert!((found.height + 32.0).abs() < 1.5 && found.misfit < 1.0, "{turn} {opening}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_neither_straight_nor_a_corner_is_told() {
+        let misfit = |second: f64| {
+            let code = |at: Vector2<f64>| {
+                let first = past(&at, &Vector2::new(1.0, 0.0), 3.0);
+                150.0 + 32.0 * first + second * past(&at, &Vector2::new(-0.4, 0.9).normalize(), 5.0)
+            };
+            Finder::default().find(&ring(code), 0.0).expect("a border").0.misfit
+        };
+        let (straight, another) = (misfit(0.0), misfit(-15.0));
+        assert!(straight < 0.5 && another > 2.0, "{straight} {another}");
     }
 
     #[test]
@@ -164,9 +234,9 @@ mod tests {
             let line = |at: &Vector2<f64>| past(at, &normal, distance) - past(at, &normal, distance + 1.4);
             let (found, ground) = Finder::default().find(&ring(|at| 150.0 - 40.0 * line(&at)), 0.0).expect("a line");
             // The same line from either side.
-            let sign = found.normal.dot(&normal).signum();
-            assert!((found.normal * sign - normal).norm() < 0.05, "{turn}: {found:?}");
-            let middle = sign * (found.distance + 0.5 * found.width);
+            let sign = found.edge.normal.dot(&normal).signum();
+            assert!((found.edge.normal * sign - normal).norm() < 0.05, "{turn}: {found:?}");
+            let middle = sign * (found.edge.distance + 0.5 * found.width);
             assert!((middle - distance - 0.7).abs() < 0.2, "{turn}: {found:?}");
             // How wide a thin line is and how dark can hardly be told apart; their product can.
             assert!((found.height * found.width + 40.0 * 1.4).abs() < 9.0, "{turn}: {found:?}");
@@ -187,13 +257,14 @@ mod tests {
 
     #[test]
     fn shares_are_those_that_it_was_placed_with() {
-        let border = Border { normal: Vector2::new(0.6, 0.8), distance: 1.5, width: 3.0, height: 20.0 };
+        let edge = Edge { normal: Vector2::new(0.6, 0.8), distance: 1.5 };
+        let border = Border { edge, width: 3.0, corner: None, height: 20.0, misfit: 0.0 };
         let xs: [f32; LANES] = std::array::from_fn(|lane| lane as f32 - 3.0);
         let found: [f32; LANES] =
             dispatch!(*MACHINE, simd => *border.share(Lanes(xs).load(simd), Lanes([2.0; LANES]).load(simd)));
         for (x, found) in xs.into_iter().zip(found) {
             let at = Vector2::new(f64::from(x), 2.0);
-            let expected = past(&at, &border.normal, 1.5) - past(&at, &border.normal, 4.5);
+            let expected = past(&at, &edge.normal, 1.5) - past(&at, &edge.normal, 4.5);
             assert!((f64::from(found) - expected).abs() < 0.06, "{x}: {found} {expected}");
         }
     }

@@ -33,6 +33,9 @@ const LEAST_SIGMA_PX: f64 = 0.004;
 /// What a border as high as the ellipse leaves when it has been taken into account, px.
 const LEFT_BY_BORDER_PX: f64 = 0.02;
 
+/// What grounds leave that are not parted straight, as at the corner of a plate, if they are off by the height of the ellipse, px.
+const LEFT_BY_MISFIT_PX: f64 = 3.0;
+
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
 
@@ -125,15 +128,17 @@ impl Fitter {
         let aliasing = (ALIASING_PX3 * (-blur / SHARP_BLUR).exp() + patch.mosaic_px3) / model.ellipse.area_px();
         let systematic = aliasing.hypot(patch.floor_px).hypot(left_by_border(&model));
         let by_scatter = (trust.scatter * stated).hypot(systematic);
+        let misfit = left_by_misfit(&model);
         let sigma_px = if likeness.by_unevenness {
             let uneven = uneven.max(patch.least_unevenness() * trust.scatter.powi(2));
             let random = stated * (uneven * patch.together(&model)).sqrt();
-            random.hypot(systematic).hypot(patch.lost_px(&model.light, model.ellipse.area_px())).hypot(LEAST_SIGMA_PX)
+            let lost = patch.lost_px(&model.light, model.ellipse.area_px());
+            random.hypot(systematic).hypot(misfit).hypot(lost).hypot(LEAST_SIGMA_PX)
         } else {
             by_scatter
         };
         let pixel = model.ellipse.centre + patch.origin;
-        // What coding has taken is no licence to go elsewhere.
+        // What coding has taken, and a border that is not straight, are no licence to go elsewhere.
         let may_move = 0.1 + 3.5 * seed.sigma_px.hypot(by_scatter);
         // A place that is known no better than the thing is large is not known.
         let area_px = model.ellipse.area_px();
@@ -147,6 +152,12 @@ impl Fitter {
 fn left_by_border(model: &Model) -> f64 {
     let (height, beyond) = (model.light.luma[0], model.light.luma[4]);
     if model.border.is_some() { LEFT_BY_BORDER_PX * (beyond.abs() / height.abs().max(1.0)).min(1.0) } else { 0.0 }
+}
+
+/// What a border leaves that is not straight, px.
+fn left_by_misfit(model: &Model) -> f64 {
+    let height = model.light.luma[0].abs().max(model.light.luma[4].abs()).max(1.0);
+    model.border.map_or(0.0, |(border, _)| LEFT_BY_MISFIT_PX * border.misfit / height)
 }
 
 /// Leaves out of the form's equations what the slopes of the ground and its border explain as well.

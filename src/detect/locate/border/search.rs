@@ -9,7 +9,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f32x8};
 use nalgebra::Vector2;
 
-use super::{Border, ENDLESS_PX, MIN_SAMPLES, Split};
+use super::{Border, ENDLESS_PX, Edge, MIN_SAMPLES, Split};
 use crate::detect::ground::Sample;
 use crate::detect::locate::lanes::LANES;
 use crate::detect::{MACHINE, single, whole};
@@ -17,6 +17,10 @@ use crate::detect::{MACHINE, single, whole};
 /// Directions that are tried, over half a turn, and samples that are looked at in each, at most.
 const DIRECTIONS: usize = 16;
 const MAX_SAMPLES: usize = 120;
+
+/// Of the samples that an edge should have beyond it one in so many may lie before it, by noise; and where it is between two samples, px.
+const BEFORE: usize = 40;
+const BETWEEN_PX: f64 = 0.25;
 
 /// Places along a direction that are tried, in a pixel. A line reaches over as many of them as there are lanes at most.
 const PLACES_PER_PX: f32 = 2.0;
@@ -87,27 +91,99 @@ impl Searcher {
         }
     }
 
+    /// How far along a direction a place is, px.
+    fn distance(&self, place: usize) -> f64 {
+        f64::from(place as f32 / PLACES_PER_PX - self.reach)
+    }
+
     /// The best split of the samples across a direction.
     fn split(&mut self, index: usize) -> Option<Split> {
-        let (sine, cosine) = (std::f64::consts::PI * index as f64 / DIRECTIONS as f64).sin_cos();
-        self.count([cosine, sine].map(single));
+        let normal = direction(index);
+        self.count([normal.x, normal.y].map(single));
+        let all = self.samples.len() as f32;
         let Stretch { from, to, gained } = dispatch!(*MACHINE, simd => best_stretch(simd, &self.counts, &self.sums))?;
-        let all = self.samples.len() as f64;
-        let (n, sum) = (f64::from(self.counts[to] - self.counts[from]), f64::from(self.sums[to] - self.sums[from]));
-        let (inside, outside) = (self.mean + sum / n, self.mean - sum / (all - n));
-        let distance = |place: usize| f64::from(place as f32 / PLACES_PER_PX - self.reach);
-        let normal = Vector2::new(cosine, sine);
+        let (level, height) = self.codes([from, to]);
+        let border = |normal, place, width, height| {
+            let edge = Edge { normal, distance: place };
+            Border { edge, width, corner: None, height, misfit: 0.0 }
+        };
+        let [begin, end] = [from, to].map(|place| self.distance(place));
         let (border, level) = if from > 0 {
-            let width = distance(to) - distance(from);
-            (Border { normal, distance: distance(from), width, height: inside - outside }, outside)
-        } else if 2.0 * n <= all {
+            (border(normal, begin, end - begin, height), level)
+        } else if 2.0 * self.counts[to] <= all {
             // The other ground is the one of which there is less.
-            (Border { normal: -normal, distance: -distance(to), width: ENDLESS_PX, height: inside - outside }, outside)
+            (border(-normal, -end, ENDLESS_PX, height), level)
         } else {
-            (Border { normal, distance: distance(to), width: ENDLESS_PX, height: outside - inside }, inside)
+            (border(normal, end, ENDLESS_PX, -height), level + height)
         };
         Some(Split { border, level, left: self.squares - f64::from(gained) })
     }
+
+    /// The code of what is not between two places, and how much higher what is between them is.
+    fn codes(&self, [from, to]: [usize; 2]) -> (f64, f64) {
+        let all = self.samples.len() as f64;
+        let (n, sum) = (f64::from(self.counts[to] - self.counts[from]), f64::from(self.sums[to] - self.sums[from]));
+        (self.mean - sum / (all - n), sum / n + sum / (all - n))
+    }
+
+    /// The corner that best has the samples of one ground on one side of it and those of the other on the other, of the samples that were
+    /// looked at last and that `split` parts by a straight border. In each direction an edge that has a ground beyond it can only be where
+    /// that begins.
+    pub(super) fn corner(&mut self, split: &Split) -> Option<Split> {
+        let middle = single(split.level + 0.5 * split.border.height - self.mean);
+        let higher = mask(&self.samples, |sample| sample.value > middle);
+        let all = mask(&self.samples, |_| true);
+        let mut best: Option<(u32, u128, [Edge; 2])> = None;
+        for ground in [higher, all & !higher] {
+            if (ground.count_ones() as usize) < MIN_SAMPLES || ((all & !ground).count_ones() as usize) < MIN_SAMPLES {
+                return None;
+            }
+            let mut edges = [(Edge { normal: Vector2::zeros(), distance: 0.0 }, 0); 2 * DIRECTIONS];
+            for (index, edge) in edges.iter_mut().enumerate() {
+                *edge = self.beginning(direction(index), ground);
+            }
+            for (index, (edge, beyond)) in edges.iter().enumerate() {
+                for (other, beyond_other) in &edges[..index] {
+                    let wrong = ((beyond & beyond_other) ^ ground).count_ones();
+                    if best.is_none_or(|(least, ..)| wrong < least) {
+                        best = Some((wrong, beyond & beyond_other, [*edge, *other]));
+                    }
+                }
+            }
+        }
+        let (_, beyond, [edge, other]) = best?;
+        let of = |part: u128| {
+            let values = (0..self.samples.len()).filter(|index| part >> index & 1 == 1).map(|k| self.samples[k].value);
+            (part != 0).then(|| self.mean + f64::from(values.sum::<f32>()) / f64::from(part.count_ones()))
+        };
+        let (level, height) = (of(all & !beyond)?, of(beyond)? - of(all & !beyond)?);
+        let border = Border { edge, width: ENDLESS_PX, corner: Some(other), height, misfit: 0.0 };
+        Some(Split { border, level, left: f64::INFINITY })
+    }
+
+    /// Where a ground begins along a direction, and which samples are beyond that.
+    fn beginning(&mut self, normal: Vector2<f64>, ground: u128) -> (Edge, u128) {
+        let Self { samples, counts, .. } = self;
+        let along = |sample: &Sample| sample.x * single(normal.x) + sample.y * single(normal.y);
+        counts.clear();
+        counts.extend((0..samples.len()).filter(|index| ground >> index & 1 == 1).map(|index| along(&samples[index])));
+        let before = counts.len() / BEFORE;
+        let (_, begin, _) = counts.select_nth_unstable_by(before, f32::total_cmp);
+        let edge = Edge { normal, distance: f64::from(*begin) - BETWEEN_PX };
+        let distance = single(edge.distance);
+        (edge, mask(samples, |sample| along(sample) > distance))
+    }
+}
+
+/// Which of up to 128 samples are so.
+fn mask(samples: &[Sample], is_so: impl Fn(&Sample) -> bool) -> u128 {
+    samples.iter().enumerate().fold(0, |mask, (index, sample)| mask | u128::from(is_so(sample)) << index)
+}
+
+/// A direction that is tried.
+fn direction(index: usize) -> Vector2<f64> {
+    let (sine, cosine) = (std::f64::consts::PI * index as f64 / DIRECTIONS as f64).sin_cos();
+    Vector2::new(cosine, sine)
 }
 
 /// The best of all borders, which part what is before a place, and of all lines, which part what is between two and less than the rest.
