@@ -34,7 +34,7 @@ const LEAST_SIGMA_PX: f64 = 0.004;
 const LEFT_BY_BORDER_PX: f64 = 0.02;
 
 /// What grounds leave that are not parted straight, as at the corner of a plate, if they are off by the height of the ellipse, px.
-const LEFT_BY_MISFIT_PX: f64 = 3.0;
+const LEFT_BY_MISFIT_PX: f64 = 1.5;
 
 /// Part of the rim that must be an ellipse's.
 const MIN_KEPT: f64 = 0.4;
@@ -140,11 +140,20 @@ impl Fitter {
         let pixel = model.ellipse.centre + patch.origin;
         // What coding has taken, and a border that is not straight, are no licence to go elsewhere.
         let may_move = 0.1 + 3.5 * seed.sigma_px.hypot(by_scatter);
-        // A place that is known no better than the thing is large is not known.
         let area_px = model.ellipse.area_px();
-        let is_known = sigma_px < (area_px / std::f64::consts::PI).sqrt();
-        let fits = is_known && kept > MIN_KEPT && (pixel - seed.pixel).norm() < may_move;
-        fits.then_some(Located { pixel, sigma_px, area_px })
+        let radius_px = (area_px / std::f64::consts::PI).sqrt();
+        // A place that is known no better than the thing is large is not known.
+        if sigma_px >= radius_px || kept <= MIN_KEPT {
+            return None;
+        }
+        let moved = (pixel - seed.pixel).norm();
+        if moved < may_move {
+            return Some(Located { pixel, sigma_px, area_px });
+        }
+        // Two looks at one thing that do not agree: where it was is as wrong as either may be.
+        let is_one = likeness.by_unevenness && moved < radius_px;
+        let sigma_px = seed.sigma_px.hypot(moved * std::f64::consts::FRAC_1_SQRT_2);
+        is_one.then_some(Located { pixel: seed.pixel, sigma_px, area_px })
     }
 }
 

@@ -14,8 +14,10 @@ use crate::detect::{MACHINE, single};
 const LINE_PX: f64 = 1.5;
 const LEAST_LINE_PX: f64 = 0.5;
 
-/// Rounds at most, the longest move and turn in each, and the move and turn that end them.
+/// Rounds at most, the longest move and turn in each, and the move and turn that end them. Of a corner one edge may be seen so briefly that
+/// it begins far off, and both may go by twice as much.
 const ROUNDS: usize = 6;
+const ROUNDS_OF_CORNER: usize = 12;
 const MAX_MOVE_PX: f64 = 0.7;
 const MAX_TURN_RAD: f64 = 0.1;
 const SETTLED_PX: f64 = 0.01;
@@ -54,7 +56,8 @@ impl Placer {
 
     fn placed<const N: usize>(&self, mut split: Split, noise: f64) -> Option<Split> {
         let mut best: Option<Split> = None;
-        for _ in 0..ROUNDS {
+        let (rounds, stride) = if N == CORNER { (ROUNDS_OF_CORNER, 2.0) } else { (ROUNDS, 1.0) };
+        for _ in 0..rounds {
             let is_line = split.border.width < ENDLESS_PX;
             let Equations::<N> { mut normal, mut right, left } =
                 dispatch!(*MACHINE, simd => equations(simd, &self.octets, &split, noise));
@@ -75,7 +78,7 @@ impl Placer {
             }
             let steps = step.as_slice()[WIDTH + 1..].chunks_exact(2);
             let edges = std::iter::once(&mut split.border.edge).chain(&mut split.border.corner);
-            edges.zip(steps.clone()).for_each(|(edge, step)| edge.step(step[0], step[1]));
+            edges.zip(steps.clone()).for_each(|(edge, step)| edge.step(step[0], step[1], stride));
             let is_settled = |step: &[f64]| step[0].abs() < SETTLED_PX && step[1].abs() < SETTLED_RAD;
             if step[WIDTH].abs() < SETTLED_PX && steps.clone().all(is_settled) {
                 // The last step is worth no look at what it leaves.
@@ -87,9 +90,11 @@ impl Placer {
 }
 
 impl Edge {
-    fn step(&mut self, distance: f64, turn: f64) {
-        self.distance += distance.clamp(-MAX_MOVE_PX, MAX_MOVE_PX);
-        self.normal = (self.normal + self.along() * turn.clamp(-MAX_TURN_RAD, MAX_TURN_RAD)).normalize();
+    fn step(&mut self, distance: f64, turn: f64, stride: f64) {
+        let [distance, turn] =
+            [(distance, MAX_MOVE_PX), (turn, MAX_TURN_RAD)].map(|(by, most)| by.clamp(-most * stride, most * stride));
+        self.distance += distance;
+        self.normal = (self.normal + self.along() * turn).normalize();
     }
 
     fn along(&self) -> Vector2<f64> {
