@@ -25,43 +25,48 @@ pub(super) struct Cloud {
 /// Number, sum and sum of products of some blobs' places about a middle.
 #[derive(Clone, Copy, Default)]
 struct Moments {
-    count: f64,
+    count: u32,
     sum: Pixel,
     square: Matrix2<f64>,
 }
 
 impl Moments {
-    fn add(&mut self, place: Pixel, sign: f64) {
-        self.count += sign;
-        self.sum += place * sign;
-        self.square += place * place.transpose() * sign;
+    fn with(mut self, place: Pixel) -> Self {
+        self.count += 1;
+        self.sum += place;
+        self.square += place * place.transpose();
+        self
+    }
+
+    fn without(mut self, place: Pixel) -> Self {
+        self.count -= 1;
+        self.sum -= place;
+        self.square -= place * place.transpose();
+        self
     }
 }
 
 impl Cloud {
     pub(super) fn of(blobs: &[Blob], [width, height]: [f64; 2]) -> Self {
         let middle = blobs.iter().map(|blob| blob.pixel).sum::<Pixel>() / (blobs.len().max(1) as f64);
-        let mut all = Moments::default();
-        for blob in blobs {
-            all.add(blob.pixel - middle, 1.0);
-        }
+        let all = blobs.iter().fold(Moments::default(), |all, blob| all.with(blob.pixel - middle));
         Self { ln_area: (width * height).ln(), scale: SCALE * width, middle, all }
     }
 
     /// Logarithm of the density, per squared pixel each, of `taken` where the others are of the same cloud.
     pub(super) fn ln_density<'a>(&self, taken: impl Iterator<Item = &'a Blob>) -> f64 {
-        let mut rest = self.all;
-        taken.for_each(|blob| rest.add(blob.pixel - self.middle, -1.0));
+        let rest = taken.fold(self.all, |rest, blob| rest.without(blob.pixel - self.middle));
         self.ln_marginal(&self.all) - self.ln_marginal(&rest)
     }
 
     /// Logarithm of the density of all places of a cloud, whatever its middle and covariance.
     fn ln_marginal(&self, Moments { count, sum, square }: &Moments) -> f64 {
-        if *count < 0.5 {
+        if *count == 0 {
             return 0.0;
         }
-        let scatter = square - sum * sum.transpose() / *count + Matrix2::identity() * self.scale.powi(2);
-        let ln_factorial: f64 = (2..).map(f64::from).take_while(|n| n < count).map(f64::ln).sum();
+        let ln_factorial: f64 = (2..*count).map(f64::from).map(f64::ln).sum();
+        let count = f64::from(*count);
+        let scatter = square - sum * sum.transpose() / count + Matrix2::identity() * self.scale.powi(2);
         ln_factorial - count.ln() - self.ln_area - (count - 1.0) * std::f64::consts::TAU.ln() + 4.0 * self.scale.ln()
             - 0.5 * (count + 1.0) * scatter.determinant().ln()
     }
