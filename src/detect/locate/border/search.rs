@@ -175,7 +175,7 @@ impl Searcher {
     }
 }
 
-/// Which of up to 128 samples are so.
+/// Which of the samples are so, of which there are [`MAX_SAMPLES`] at most.
 fn mask(samples: &[Sample], is_so: impl Fn(&Sample) -> bool) -> u128 {
     samples.iter().enumerate().fold(0, |mask, (index, sample)| mask | u128::from(is_so(sample)) << index)
 }
