@@ -85,6 +85,8 @@ impl Finder {
                 None => self.locator.locate_light(frame, &seed),
             };
             match exact {
+                // Two blobs may be parts of one thing, to which both lead.
+                Some(found) if detection.centroids.iter().any(|other| is_one(&found, other)) => {}
                 Some(Located { pixel, sigma_px, area_px }) => {
                     let exact = Centroid { pixel, sigma_px, area_px, ..rough };
                     detection.centroids.push(exact.within_bounds());
@@ -103,6 +105,11 @@ impl Finder {
     pub(super) const fn locator(&mut self) -> &mut Locator {
         &mut self.locator
     }
+}
+
+/// Whether what was located is what another is the centroid of: no two things lie within half of the radius of one.
+fn is_one(found: &Located, other: &Centroid) -> bool {
+    (found.pixel - other.pixel).norm_squared() < 0.25 * found.area_px / std::f64::consts::PI
 }
 
 /// More blobs than this are a crowd, even where the list would hold them.
