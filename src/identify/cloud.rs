@@ -74,7 +74,7 @@ impl Cloud {
 
 #[cfg(test)]
 mod tests {
-    use rand::RngExt as _;
+    use rand::RngExt;
 
     use super::*;
     use crate::random::named;

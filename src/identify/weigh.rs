@@ -3,7 +3,7 @@
 //! For an assignment of `k` blobs to markers, the probability of the blobs' places, over all poses of the target, is
 //! compared with that of clutter, scattered evenly or in crowds: a Bayes factor. It takes account of everything at once: how well the
 //! places fit, how free the pose was to make them fit, how crowded the sky is, and how many markers are missing. If there is
-//! no target, the Bayes factors of all assignments together have mean 1, so chance exceeds a threshold `1 / p` with
+//! no target, the Bayes factors of all assignments together have mean 1 at most, so chance exceeds a threshold `1 / p` with
 //! probability below `p`.
 
 use std::collections::BTreeSet;

@@ -209,11 +209,6 @@ mod tests {
             count += 2.0 * alone.len() as f64;
             for (sum, factor) in second.iter_mut().zip(factors) {
                 let again = errors(&of(&scaled(&model.target, factor), true));
-                for (a, b) in alone.iter().zip(&again) {
-                    if (a.0.sqrt() - b.0.sqrt()).abs() > 0.03 {
-                        std::eprintln!("{step} {factor}: {:.3} {:.3} -> {:.3} {:.3}", a.0.sqrt(), a.1, b.0.sqrt(), b.1);
-                    }
-                }
                 assert_eq!(again.len(), alone.len(), "step {step}, factor {factor}");
                 *sum += again.iter().map(|e| e.0).sum::<f64>();
                 stated += again.iter().map(|(squared, sigma)| squared / sigma.powi(2)).sum::<f64>() / 3.0;
